@@ -65,6 +65,8 @@ class Reduction:
         settled: whether they were looked for.
         held: values that somebody holds unknowns of every model at, by key, SI.
         repairs: samples that were put right, by number of the run and channel; samples: that it has.
+        weights: of the equations, (5, 5) by group, under which the last answer was told; None: there is none.
+            A first look at the next model is told under them, no answer is.
     """
 
     def __init__(
@@ -87,6 +89,7 @@ class Reduction:
         self.held: Mapping[str, float] = {}
         self.repairs: dict[int, Mapping[str, int]] = {}
         self.samples: dict[int, float] = {}
+        self.weights: Mapping[GroupKey, Array] | None = None
         self._forget()
 
     @cached_property

@@ -10,7 +10,7 @@ point.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -55,8 +55,12 @@ def fit_refined(
     reduction: Reduction,
     effects: Sequence[Effect],
     watch: Watch = SILENT,
+    look: Callable[[Scorer, FittedModel], None] | None = None,
 ) -> tuple[Scorer, FittedModel]:
     """All effects in, fitted on their grids and then between the points; own weights.
+
+    Args:
+        look: is shown the model on the grids, which is there long before the other, and then that.
 
     Raises:
         UserError: an effect does not apply to these runs, or a run cannot be read.
@@ -68,9 +72,14 @@ def fit_refined(
         if one not in scorer.reduced.layout.effects:
             raise UserError(f"'{one.id}' does not apply to these runs; leave it out of --add.")
     fitted = fit_effects(scorer, effects)
+    if look is not None:
+        look(scorer, fitted)
     if not can_refine(fitted.choices):
         return scorer, fitted
-    return refine_grid(reduction, fitted, watch)
+    scorer, fitted = refine_grid(reduction, fitted, watch)
+    if look is not None:
+        look(scorer, fitted)
+    return scorer, fitted
 
 
 def refine_grid(
