@@ -14,9 +14,8 @@ from rich.table import Table
 from rich.text import Text
 
 from fingerlab.batch.changes import Change, changes
-from fingerlab.batch.rows import Options, Row, recorded_at
 from fingerlab.batch.run import BatchResult, locally, on_dask, run_batch
-from fingerlab.batch.table import LEAST_TIMES, Contents, Trend, ageing_rows, trends
+from fingerlab.batch.table import LEAST_TIMES, Contents, Options, Row, Trend, ageing_rows, recorded_at, trends
 from fingerlab.cli.common import (
     PATH,
     added_option,

@@ -1,8 +1,7 @@
 """The cable hangs loose: the fit counts the cable equation one-sidedly; there is no column."""
 
-from fingerlab.effects.base import Effect, Formula, Row
-from fingerlab.effects.example import Example
-from fingerlab.effects.transmission import no_columns
+from fingerlab.effects.base import Effect, Example, Formula, Row
+from fingerlab.effects.joints import no_columns
 
 EFFECT = Effect(
     id="cable_slack",

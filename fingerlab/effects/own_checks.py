@@ -21,12 +21,12 @@ from fingerlab.effects.base import (
     FAMILIES,
     Columns,
     Effect,
+    Example,
     Formula,
     Row,
     Shape,
     Term,
 )
-from fingerlab.effects.example import Example
 from fingerlab.physics.motion import Motion
 from fingerlab.physics.nominal import JointMotion
 from fingerlab.physics.parameter import LOSS, Parameter, Role

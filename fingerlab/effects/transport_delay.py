@@ -1,8 +1,7 @@
 """Angles and force are recorded late: the fit shifts the motor's channels; there is no column."""
 
-from fingerlab.effects.base import Effect, Formula, Row
-from fingerlab.effects.example import Example
-from fingerlab.effects.transmission import no_columns
+from fingerlab.effects.base import Effect, Example, Formula, Row
+from fingerlab.effects.joints import no_columns
 from fingerlab.physics.parameter import Parameter
 
 EFFECT = Effect(

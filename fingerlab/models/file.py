@@ -26,7 +26,7 @@ import fingerlab
 from fingerlab.core.errors import UserError
 from fingerlab.core.files import new_file, read_text
 from fingerlab.core.plain_data import Mismatch, json_ready, read_object, structured
-from fingerlab.core.units import ParameterEstimate as ParameterEstimate
+from fingerlab.core.text import ParameterEstimate as ParameterEstimate
 from fingerlab.sessions.model import Session
 from fingerlab.sessions.reading import content_hash
 

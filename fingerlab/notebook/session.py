@@ -154,8 +154,7 @@ def simulate(
         UserError: the file exists, an unknown protocol or effect, or ``hidden`` with ``effects``.
     """
     from fingerlab.twin.effects import parse_effects
-    from fingerlab.twin.preset import load_preset
-    from fingerlab.twin.protocols import PROTOCOLS
+    from fingerlab.twin.protocols import PROTOCOLS, load_preset
     from fingerlab.twin.session import new_seed, write_session
 
     if protocol not in PROTOCOLS:

@@ -41,8 +41,7 @@ from fingerlab.diagnosis.signals.filters import decimate
 from fingerlab.diagnosis.signals.scales import SI, Scales, reduced_rig, reduced_run
 from fingerlab.diagnosis.signals.segments import segments_of
 from fingerlab.effects.base import Effect, Row
-from fingerlab.physics.motion import Motion
-from fingerlab.physics.tip import TOUCHING_FORCE_N
+from fingerlab.physics.motion import TOUCHING_FORCE_N, Motion
 from fingerlab.sessions.model import Array, Run, Session
 from fingerlab.sessions.trajectory import named_frequency
 from fingerlab.signals.periods import MINIMUM_PERIODS, PeriodGrid, settles

@@ -113,8 +113,7 @@ def replicated(preset_name: str, seeds: Sequence[int], watch: Watch = SILENT) ->
     Raises:
         UserError: there is no such preset. Cancelled: the user asked for it.
     """
-    from fingerlab.twin.preset import load_preset
-    from fingerlab.twin.protocols import PROTOCOLS
+    from fingerlab.twin.protocols import PROTOCOLS, load_preset
     from fingerlab.twin.session import simulated_session
 
     preset = load_preset(preset_name)

@@ -10,8 +10,7 @@ import numpy as np
 
 from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress
-from fingerlab.rig.constants import Motor
-from fingerlab.rig.intervention import intervention_of
+from fingerlab.rig.constants import Motor, intervention_of
 from fingerlab.sessions.format import CHANNEL_UNITS, RATE_TOLERANCE
 from fingerlab.sessions.model import Array, Run, Session
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress
-from fingerlab.core.units import factor
+from fingerlab.core.text import factor
 from fingerlab.rig.constants import Motor, Rig
 from fingerlab.sessions.format import LEAST_RATE, MOST_RATE, RATE_TOLERANCE, REQUIRED_CHANNELS
 from fingerlab.sessions.hdf5 import sample_fault

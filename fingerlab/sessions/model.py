@@ -11,8 +11,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from fingerlab.core.errors import UserError
-from fingerlab.rig.constants import Rig
-from fingerlab.rig.intervention import INTERVENTION
+from fingerlab.rig.constants import INTERVENTION, Rig
 from fingerlab.sessions.format import CHANNEL_UNITS, RATE_TOLERANCE
 
 Array = np.ndarray[Any, np.dtype[np.float64]]

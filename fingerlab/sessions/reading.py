@@ -12,7 +12,7 @@ import h5py
 
 from fingerlab.core.errors import UserError
 from fingerlab.core.plain_data import read_object
-from fingerlab.core.units import same_unit
+from fingerlab.core.text import same_unit
 from fingerlab.rig.constants import Rig
 from fingerlab.sessions.format import (
     CABLES,

@@ -18,8 +18,7 @@ from typing import TextIO
 import numpy as np
 
 from fingerlab.core.errors import UserError
-from fingerlab.core.text import shown
-from fingerlab.core.units import FACTORS
+from fingerlab.core.text import FACTORS, shown
 from fingerlab.sessions.model import Array
 
 BLOCK_LINES = 1 << 16

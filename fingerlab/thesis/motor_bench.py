@@ -10,7 +10,7 @@ import numpy as np
 
 from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress
-from fingerlab.core.units import ParameterEstimate
+from fingerlab.core.text import ParameterEstimate
 from fingerlab.models.file import Model, hash_sessions
 from fingerlab.rig.constants import Rig
 from fingerlab.sessions.model import Array, Run, Session

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fingerlab.core.units import ParameterEstimate
+from fingerlab.core.text import ParameterEstimate
 from fingerlab.sessions.model import Array
 from fingerlab.signals.periods import (
     Mask,

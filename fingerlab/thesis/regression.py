@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fingerlab.core.units import ParameterEstimate
+from fingerlab.core.text import ParameterEstimate
 from fingerlab.sessions.model import Array
 from fingerlab.signals.prepare import THESIS_CUTOFF_HZ
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fingerlab.batch.changes import changes, weigh, weigh_found
-from fingerlab.batch.rows import Row
+from fingerlab.batch.table import Row
 from fingerlab.report.batch_words import change_sentence
 
 DAYS = np.arange(10.0)

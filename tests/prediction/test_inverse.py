@@ -199,8 +199,7 @@ def test_ramps_steps_and_a_table(tmp_path: Path) -> None:
 @pytest.fixture(scope="module")
 def practised(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     """A simulated session with contact, and the model fitted to it."""
-    from fingerlab.twin.preset import load_preset
-    from fingerlab.twin.protocols import single_run
+    from fingerlab.twin.protocols import load_preset, single_run
     from fingerlab.twin.session import write_session
 
     folder = tmp_path_factory.mktemp("inverse")
@@ -219,7 +218,7 @@ def practised(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
 
 
 def call(*arguments: str) -> Any:
-    from fingerlab.cli.inverse import inverse
+    from fingerlab.cli.predict import inverse
     from fingerlab.cli.record import record
     from fingerlab.cli.simulate import simulate
 

@@ -18,8 +18,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from fingerlab.acquisition.control.commands import SetGains
-from fingerlab.acquisition.control.machine import Event, Mode
+from fingerlab.acquisition.control.machine import Event, Mode, SetGains
 from fingerlab.acquisition.protocols.driver import LONGEST_BEFORE_S
 from fingerlab.core.text import grouped
 from fingerlab.rig.constants import Rig

@@ -152,7 +152,7 @@ class ColumnTable(NumberTable):
         return TITLES.get(self.kind(row), self.kind(row)) or self._names[row]
 
     def _offer_units(self, row: int, wanted: str = "") -> None:
-        from fingerlab.core.units import factor
+        from fingerlab.core.text import factor
         from fingerlab.sessions.mapping import units_of
 
         field, channel = self._field(row, 2), self.kind(row)
@@ -425,7 +425,7 @@ class ImportDialog(QDialog):
 
     def _in_si(self, row: int) -> Array:
         """A column's first rows in the unit of its channel; as they are where that is not known."""
-        from fingerlab.core.units import factor
+        from fingerlab.core.text import factor
 
         unit, axis = self.columns.unit(row), self._axis
         target = self._unit_of(row)

@@ -14,7 +14,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from fingerlab.core.progress import SILENT, Watch
-from fingerlab.core.units import ParameterEstimate
+from fingerlab.core.text import ParameterEstimate
 from fingerlab.diagnosis.answer.bench import residual_offsets
 from fingerlab.diagnosis.answer.curves import Display, RunOffsets, comparisons_of
 from fingerlab.diagnosis.answer.errors import equation_errors

@@ -27,7 +27,7 @@ from fingerlab.diagnosis.signals.conditions import GroupKey, group_key
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE, decimate
 from fingerlab.diagnosis.signals.scales import SI, Scales
 from fingerlab.effects.base import COORDINATE_UNITS, Effect, Row
-from fingerlab.effects.transmission import winding_state
+from fingerlab.effects.joints import winding_state
 from fingerlab.physics import nominal
 from fingerlab.physics.motion import Motion
 from fingerlab.sessions.model import Array, Run, Session

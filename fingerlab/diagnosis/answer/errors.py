@@ -24,7 +24,7 @@ from fingerlab.diagnosis.signals.conditions import GroupKey, deal_runs, group_ke
 from fingerlab.diagnosis.signals.repairs import BRIDGED
 from fingerlab.diagnosis.signals.scales import as_recorded
 from fingerlab.effects.base import Row
-from fingerlab.rig.intervention import changed_words
+from fingerlab.rig.constants import changed_words
 from fingerlab.sessions.model import Array, Run, Session
 
 FAMILY_UNITS = {"joint_torque": "N m", "cable_kinematics": "m", "motor_torque": "N m", "endpoint_force": "N"}

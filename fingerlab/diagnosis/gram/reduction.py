@@ -3,7 +3,7 @@
 All columns of all effects at all grid points are formed once, low-passed, decimated, and reduced to products
 of features, one matrix for each fold of each group of runs. Fits, held-out scores and distances between
 effects then cost nothing that grows with the recording. A second process may read ahead; only sums travel
-between the two (see ``fingerlab.core.parallel``), and each keeps what it read.
+between the two (see ``fingerlab.core.progress``), and each keeps what it read.
 """
 
 from __future__ import annotations
@@ -46,8 +46,7 @@ from fingerlab.diagnosis.signals.segments import Senses, check_senses, segments_
 from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import Effect, Shape
 from fingerlab.physics.motion import Motion, strongest_orders
-from fingerlab.rig.constants import Rig
-from fingerlab.rig.intervention import UNCHANGED, Intervention, intervention_of
+from fingerlab.rig.constants import UNCHANGED, Intervention, Rig, intervention_of
 from fingerlab.sessions.model import Array, Run, Session
 from fingerlab.sessions.trajectory import told_frequency
 

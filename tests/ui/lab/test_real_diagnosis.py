@@ -11,8 +11,7 @@ from pytestqt.qtbot import QtBot
 
 from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.twin.effects import parse_effects
-from fingerlab.twin.preset import load_preset
-from fingerlab.twin.protocols import PROTOCOLS
+from fingerlab.twin.protocols import PROTOCOLS, load_preset
 from fingerlab.twin.session import write_session
 from fingerlab.ui.lab.truth import HeldOutTable
 

@@ -15,8 +15,7 @@ from fingerlab.report import replicate
 from fingerlab.sessions import open_session
 from fingerlab.thesis.analysis import PUBLISHED, PublishedQuantity
 from fingerlab.twin.effects import parse_effects
-from fingerlab.twin.preset import load_preset
-from fingerlab.twin.protocols import RunPlan
+from fingerlab.twin.protocols import RunPlan, load_preset
 from fingerlab.twin.session import write_session
 from fingerlab.ui.predict.predict_tab import PredictTab
 
