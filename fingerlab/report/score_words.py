@@ -214,9 +214,9 @@ def diagnose_each(
     # Here, so that a window which only tells the story opens without waiting for them.
     from fingerlab.diagnosis import diagnose
     from fingerlab.diagnosis.gram.reduction import Reduction
-    from fingerlab.effects import effect, whole_catalogue
+    from fingerlab.effects import effect
 
-    for name in set(added) - set(whole_catalogue()):
+    for name in added:
         effect(name)  # an id that nobody knows is told now, and not after the first diagnosis
     watch, kept, found = Watch(progress, cancelled), Reduction(sessions), list[Diagnosis]()
     for number in range(len(added) + 1):

@@ -116,6 +116,7 @@ class LabView(QWidget):
         self.parameters.kept.connect(self.controller.keep_moved)
         self.controller.result_changed.connect(self.refresh)
         self.controller.activity_changed.connect(self._on_activity)
+        self.controller.first_look_changed.connect(self._on_first_look)
 
     def refresh(self) -> None:
         """Show the controller's present diagnosis."""
@@ -345,6 +346,13 @@ class LabView(QWidget):
         self.path.path.show_forecast(key)
         self.evidence.show_choice(key, self.controller.diagnosis)
         self.right.setCurrentWidget(self.evidence)
+
+    def _on_first_look(self) -> None:
+        history, look = self.controller.history, self.controller.first_look
+        if history is not None and look is not None:
+            self.path.show_first_look(history, look)
+        else:
+            self.path.show_history(history)
 
     def _on_activity(self) -> None:
         self.candidates.set_busy(self.controller.tasks.busy)

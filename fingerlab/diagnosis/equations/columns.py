@@ -273,7 +273,8 @@ class Coefficients:
 
     def _parts(self, table: _Table, values: Array) -> tuple[Array, Array, Array, Array]:
         """Amount and scale of the features, (groups, k), the shift's weight, (k,), and its slopes."""
-        padded = np.concatenate((values, (0.0, 1.0)))
+        padded = np.empty(len(values) + 2)
+        padded[:-2], padded[-2], padded[-1] = values, 0.0, 1.0
         amount = table.constant + padded[table.parameter]
         scale = padded[table.scale_by]
         flat = scale.reshape(-1)

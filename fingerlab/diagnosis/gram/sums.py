@@ -63,6 +63,11 @@ class RunConstants:
     spreads: Array
     shares: Mapping[GroupKey, Array]
 
+    @cached_property
+    def key(self) -> tuple[bytes, ...]:
+        """What tells them from others."""
+        return self.spreads.tobytes(), *(share.tobytes() for _, share in sorted(self.shares.items()))
+
     def scaled(self, key: GroupKey) -> Array:
         """What one standard deviation of each source adds to the equations of a group, (5, 4)."""
         return np.asarray(self.shares[key] * self.spreads)
