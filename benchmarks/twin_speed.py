@@ -9,8 +9,7 @@ from __future__ import annotations
 import time
 
 from fingerlab.twin.effects import parse_effects
-from fingerlab.twin.preset import load_preset
-from fingerlab.twin.protocols import PROTOCOLS
+from fingerlab.twin.protocols import PROTOCOLS, load_preset
 from fingerlab.twin.recording import simulate_session
 
 CASES: dict[str, list[str]] = {

@@ -13,7 +13,7 @@ import h5py
 import numpy as np
 import pytest
 
-import fingerlab.core.parallel
+import fingerlab.core.progress
 
 os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 os.environ["MPLBACKEND"] = "Agg"
@@ -31,7 +31,7 @@ os.environ["FINGERLAB_SETTINGS_DIR"] = str(ROOT / "tests" / "no-settings")
 def _no_second_process() -> Iterator[None]:
     """The tests have both cores in hand; a second process of a diagnosis has tests of its own."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(fingerlab.core.parallel, "WORTH_BYTES", math.inf)
+        patch.setattr(fingerlab.core.progress, "WORTH_BYTES", math.inf)
         yield
 
 

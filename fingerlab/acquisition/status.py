@@ -138,6 +138,7 @@ class Number(IntEnum):
     PROPORTIONAL = 4  # loop: A/rad
     INTEGRAL = 5  # loop: A/(rad s)
     DERIVATIVE = 6  # loop: A s/rad
+    FEED_FORWARD = 7  # loop: learned slope of current over angle, A/rad; 0 where none is in use
 
 
 _SLOTS = 64

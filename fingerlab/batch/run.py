@@ -19,19 +19,23 @@ from pathlib import Path
 from typing import Any
 
 import fingerlab
-from fingerlab.batch.rows import SOFTWARE, Options, Row, SessionRow, Task, diagnose_file
 from fingerlab.batch.table import (
+    SOFTWARE,
     Contents,
+    Options,
     Parts,
+    Row,
+    SessionRow,
+    Task,
     complete,
+    diagnose_file,
     in_order_of_time,
     read_table,
     units_of,
     write_table,
 )
 from fingerlab.core.errors import Cancelled, UserError
-from fingerlab.core.parallel import own_code_only
-from fingerlab.core.progress import Progress
+from fingerlab.core.progress import Progress, own_code_only
 from fingerlab.sessions import file_hash
 from fingerlab.sessions.recording_files import ENDINGS, session_files
 

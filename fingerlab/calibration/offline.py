@@ -14,7 +14,7 @@ from fingerlab.calibration.outcome import CalibrationOutcome, outcome_of
 from fingerlab.calibration.sensors import FIRST, LOADING, SECOND, CalibrationPlan, Move, Sensor, standard_plan
 from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress
-from fingerlab.core.units import factor
+from fingerlab.core.text import factor
 from fingerlab.sessions.hdf5 import sample_fault
 from fingerlab.sessions.mapping import split_header
 from fingerlab.sessions.model import Array, Run

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from fingerlab.core.errors import UserError
-from fingerlab.core.text import DEGREES, ScreenUnit
-from fingerlab.core.units import DEGREE
+from fingerlab.core.text import DEGREES, RAD_IN_DEGREE, ScreenUnit
 
 GRAVITY = 9.81
 """m/s^2; the thesis' value, which turns the known masses into forces."""
@@ -103,7 +102,7 @@ def _angle(name: str) -> Sensor:
         title=f"angle sensor KMA210, {name.upper()} joint",
         unit="rad",
         mark_unit="deg",
-        mark_factor=DEGREE,
+        mark_factor=RAD_IN_DEGREE,
         # 180 degrees over 5 to 95 % of a supply of 4.5 to 5.5 V, to which the output is proportional.
         gain=Limit("gain", "rad/V", nominal * 5.0 / 5.5, nominal * 5.0 / 4.5, sheet),
         zero=None,

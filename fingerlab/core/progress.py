@@ -1,9 +1,20 @@
-"""Where a long calculation reports, and where it hears that it should stop."""
+"""Long calculations: where they report, how they are stopped, and a second process that takes a share.
+
+Threads do not help there: thousands of short array operations wait for one interpreter lock. Nothing heavy is
+imported here, so that the second process can start first of all. Processes are spawned, as Windows does.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import importlib
+import multiprocessing
+import os
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor, ProcessPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 
 from fingerlab.core.errors import Cancelled
 
@@ -32,3 +43,65 @@ class Watch:
 
 SILENT = Watch()
 """Nobody looks."""
+
+
+WORTH_BYTES = 3_000_000
+"""Below this size of all files one process is done before a second has started."""
+
+
+@contextmanager
+def own_code_only() -> Iterator[None]:
+    """Processes that are started meanwhile import nothing from the current folder.
+
+    Sessions come from strangers, and Python would run a ``signal.py`` that lies beside them.
+    """
+    before = os.environ.get(SAFE_PATH)
+    os.environ[SAFE_PATH] = "1"
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ[SAFE_PATH]
+        else:
+            os.environ[SAFE_PATH] = before
+
+
+SAFE_PATH = "PYTHONSAFEPATH"
+
+
+def _prepare(module: str) -> None:
+    limits = importlib.import_module("threadpoolctl")
+    importlib.import_module(module)
+    # Kept for the life of the process: small matrices, and the other core is busy already.
+    limits.threadpool_limits(limits=1, user_api="blas")
+
+
+@contextmanager
+def second_process(paths: Sequence[Path], module: str) -> Iterator[Executor | None]:
+    """An executor with one process that imports ``module`` at once; None where it would not pay.
+
+    Args:
+        paths: files to be read. module: what the tasks will need.
+    """
+    size = sum(path.stat().st_size for path in paths if path.is_file())
+    if size < WORTH_BYTES or (os.cpu_count() or 1) < 2:
+        yield None
+        return
+    context = multiprocessing.get_context("spawn")
+    pool = ProcessPoolExecutor(1, mp_context=context, initializer=_prepare, initargs=(module,))
+    others, threads = set(multiprocessing.active_children()), set(threading.enumerate())
+    with own_code_only():
+        pool.submit(os.getpid)  # a task, so that the process starts now
+    own, watching = set(multiprocessing.active_children()) - others, set(threading.enumerate()) - threads
+    try:
+        yield pool
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)
+        for process in own:  # at once, begun or not: giving back what it holds takes a while, for nothing
+            process.terminate()
+        for thread in watching:  # one that is still closing its pipe when Python ends says so on the terminal
+            thread.join(ENDING_S)
+
+
+ENDING_S = 2.0
+"""In which the thread that watches a process has seen that it is gone; assumed."""

@@ -1,7 +1,7 @@
-"""Python files of the user's own, effects and devices: which contents they have confirmed; how one is run.
+"""Python files found in a folder: a catalogue of our own, and files of the user that they confirmed.
 
 A file runs only with a content that its user was asked about. What a file of each kind has to offer is
-checked where it is used (``effects/own.py``, ``devices/own.py``).
+checked where it is used (``effects/own.py``, ``devices/choosing.py``).
 """
 
 from __future__ import annotations
@@ -9,17 +9,34 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import pkgutil
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import redirect_stdout
 from dataclasses import dataclass, field, replace
+from importlib import import_module
 from pathlib import Path
 from types import ModuleType
-from typing import Literal
+from typing import Any, Literal
 
 from fingerlab.core.errors import UserError
 from fingerlab.core.files import read_text, whole_file
 from fingerlab.core.plain_data import parsed, structured
+
+
+def found_in(paths: Iterable[str], package: str, order: Sequence[str]) -> dict[str, Any]:
+    """The object ``EFFECT`` of every module that has one, by its id.
+
+    Args:
+        paths: folders of the package. package: its dotted name.
+        order: ids that come first, in this order; the others come behind them by id.
+    """
+    modules = (import_module(f"{package}.{info.name}") for info in pkgutil.iter_modules(paths))
+    found = {one.EFFECT.id: one.EFFECT for one in modules if hasattr(one, "EFFECT")}
+    places = {name: place for place, name in enumerate(order)}
+    names = sorted(found, key=lambda name: (places.get(name, len(places)), name))
+    return {name: found[name] for name in names}
+
 
 SETTINGS_VARIABLE = "FINGERLAB_SETTINGS_DIR"
 """Environment variable that puts the settings into another folder than the system's usual one."""

@@ -10,8 +10,15 @@ from typing import Any
 import numpy as np
 
 from fingerlab.core.errors import UserError
-from fingerlab.devices.clock import Clock, VirtualClock
-from fingerlab.devices.protocol import LINES, RAW_CHANNELS, DeviceFault, DeviceLost, Sample
+from fingerlab.devices.protocol import (
+    LINES,
+    RAW_CHANNELS,
+    Clock,
+    DeviceFault,
+    DeviceLost,
+    Sample,
+    VirtualClock,
+)
 from fingerlab.rig.daq import Daq, DeadManLine, SafetyLines
 from fingerlab.sessions import Run, open_session
 

@@ -14,21 +14,25 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fingerlab.core.errors import UserError
-from fingerlab.devices.charge_pump import ChargePump
-from fingerlab.devices.clock import STEP, Clock, VirtualClock
-from fingerlab.devices.faults import Faults, FaultySensors, LineFault
-from fingerlab.devices.protocol import LINES, NO_LINES, DeviceFault, DeviceLost, Sample
-from fingerlab.rig.constants import Rig
+from fingerlab.devices.faults import ChargePump, Faults, FaultySensors, LineFault
+from fingerlab.devices.protocol import (
+    LINES,
+    NO_LINES,
+    STEP,
+    Clock,
+    DeviceFault,
+    DeviceLost,
+    Sample,
+    VirtualClock,
+)
+from fingerlab.rig.constants import INTERVENTION, Rig, intervention_of
 from fingerlab.rig.daq import AnalogInput, Daq, SafetyLines
 from fingerlab.rig.file import default_rig
-from fingerlab.rig.intervention import INTERVENTION, intervention_of
 from fingerlab.twin.effects import check_effects
-from fingerlab.twin.layout import OUTPUTS
-from fingerlab.twin.plant import CONTACT, ON_AIR
-from fingerlab.twin.preset import PRACTICE, Preset, load_preset
-from fingerlab.twin.protocols import RATE_HZ, RunPlan, setup_of
+from fingerlab.twin.plant import CONTACT, ON_AIR, OUTPUTS
+from fingerlab.twin.protocols import PRACTICE, RATE_HZ, Preset, RunPlan, load_preset, setup_of
+from fingerlab.twin.recording import BenchStream, seeded_truth
 from fingerlab.twin.session import SEALED, SIMULATION, pick_hidden, seal
-from fingerlab.twin.streaming import BenchStream, seeded_truth
 
 NAME = "simulated rig"
 

@@ -231,6 +231,8 @@ SPREAD_STEPS = 29
 
 AT_ONCE = 64
 """So many signals are filtered together: they fit into the processor's cache."""
+MOST_FOLD_BYTES = 64_000_000
+"""So much of the products of models' features in single folds is kept: of some twenty models; assumed."""
 MOST_CLOSER = 8
 """So many reductions of refined grids are kept, each of a few megabytes."""
 MOST_LOOKED_AT = 40

@@ -6,11 +6,10 @@ window, the report, the documents and the blind trials take it from :data:`CATAL
 
 from __future__ import annotations
 
-from fingerlab.core.catalogue import found_in
 from fingerlab.core.errors import UserError
+from fingerlab.core.trust import found_in
 from fingerlab.effects import own
-from fingerlab.effects.base import Effect, Formula, Gain, Row, Term
-from fingerlab.effects.example import Example
+from fingerlab.effects.base import Effect, Example, Formula, Gain, Row, Term
 from fingerlab.physics.motion import Motion
 
 ORDER = (

@@ -5,9 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fingerlab.effects.base import Effect, Formula, Row, Shape, Term
-from fingerlab.effects.example import Example
-from fingerlab.effects.grids import either
+from fingerlab.effects.base import Effect, Example, Formula, Row, Shape, Term, either
 from fingerlab.effects.joints import ANGLES, angle_error_terms
 from fingerlab.physics.motion import Motion
 from fingerlab.physics.parameter import Parameter

@@ -1,4 +1,4 @@
-"""What an effect is: one small object that the fit, the ranking, the plots and the report work from.
+"""What an effect is: one object that fit, ranking, plots and report work from; its example and its grid.
 
 An effect adds *terms* to the equations. Every equation is written as measured minus modelled, and a
 term is a column of the modelled side times an unknown gain:
@@ -18,16 +18,67 @@ term is a column of the modelled side times an unknown gain:
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import InitVar, dataclass, field, replace
+from dataclasses import InitVar, dataclass, field, fields, replace
 from enum import IntEnum
 from typing import Final, Literal
 
 import numpy as np
 
-from fingerlab.effects.example import Example
 from fingerlab.physics.motion import Motion
+from fingerlab.physics.nominal import JointMotion
 from fingerlab.physics.parameter import Parameter, Role
+from fingerlab.rig.constants import Finger, Motor
 from fingerlab.sessions.model import Array
+
+FINGER = Finger(0.01, 0.01, 0.02, 0.02, 1e-6, 2e-6, 0.1, 0.05, wrist_angle=0.0, gravity=10.0)
+MOTOR = Motor(pulley_radius=0.01, inertia=1e-4)
+JOINTS = tuple(field.name for field in fields(JointMotion))
+
+Signal = float | Sequence[float] | Array
+
+
+@dataclass(frozen=True)
+class Example:
+    """What an effect's columns are at one point of its shapes.
+
+    Attributes:
+        shape: point of the grid, or between.
+        signals: of the motion, SI, by their names in ``Motion`` and ``JointMotion``; a number holds all the
+            time, and what is not named is zero.
+        expected: column by "EQUATION gain", as ``"PIP viscous_pip"``; empty where the effect has no column.
+        on_bench: whether the motor is alone, without the finger.
+        sample_rate_hz: of the signals.
+    """
+
+    shape: Mapping[str, float]
+    signals: Mapping[str, Signal]
+    expected: Mapping[str, Signal]
+    on_bench: bool = False
+    sample_rate_hz: float = 1000.0
+
+    def motion(self) -> Motion:
+        """The motion of the example: round constants (``FINGER``, ``MOTOR``) and the extension cable."""
+        length = max((np.size(signal) for signal in self.signals.values()), default=1)
+
+        def signal(name: str) -> Array:
+            return np.broadcast_to(np.asarray(self.signals.get(name, 0.0), float), length).copy()
+
+        force = signal("force") if "force" in self.signals else None
+        return Motion(
+            phase="motor_bench" if self.on_bench else "on_air" if force is None else "contact",
+            cable_sign=0 if self.on_bench else -1,
+            sample_rate_hz=self.sample_rate_hz,
+            time=signal("time"),
+            position=signal("position"),
+            velocity=signal("velocity"),
+            acceleration=signal("acceleration"),
+            torque=signal("torque"),
+            motor=MOTOR,
+            finger=None if self.on_bench else FINGER,
+            joints=None if self.on_bench else JointMotion(*map(signal, JOINTS)),
+            force=force,
+            load=signal("load") if self.on_bench else None,
+        )
 
 
 class Row(IntEnum):
@@ -261,3 +312,69 @@ class Effect:
                 return f"expects {expected[at]:g} for {key!r} at sample {at}, and it is {found[key][at]:g}"
         extra = found and not self.example.expected
         return f"expects no column, and there are {', '.join(found)}" if extra else ""
+
+
+OCTAVE = tuple(2.0 ** (k / 4) for k in range(-4, 5))
+"""Factors from one half to two."""
+HALF_OCTAVE = OCTAVE[2:-2]
+FINE_OCTAVE = tuple(2.0 ** (k / 8) for k in range(-6, 7))
+"""Factors for a travel of degrees, on which much of every cycle depends."""
+SPEED_FACTORS = (0.5, 0.7, 1.0, 1.4, 2.0)
+SHARPNESSES = (0.0, 0.5, 1.0)
+"""Virgin curves of a friction that builds up (:func:`hysteresis.friction_state`): many contacts, parts that
+let go evenly, one contact."""
+
+
+def times(name: str, factors: Sequence[float] = OCTAVE) -> Closer:
+    """The shape with one number multiplied."""
+    return lambda shape: [{**shape, name: shape[name] * factor} for factor in factors]
+
+
+def plus(name: str, steps: Sequence[float]) -> Closer:
+    """The shape with something added to one number."""
+    return lambda shape: [{**shape, name: shape[name] + step} for step in steps]
+
+
+def either(name: str, values: Sequence[float]) -> Closer:
+    """The shape with one number, or switch, set to each of some values."""
+    return lambda shape: [{**shape, name: value} for value in values]
+
+
+def rubbing(factors: Sequence[float] = HALF_OCTAVE, sharpnesses: Sequence[float] = SHARPNESSES) -> Closer:
+    """Friction that builds up over other travels and along other virgin curves.
+
+    A sharper curve, 1 - (1 - x / (p d))^p with its p nearer to 1, lacks less work behind every reversal:
+    d p / (1 + p). At the same lack it is softer at first, by 1 + 1/p.
+    """
+
+    def around(shape: Shape) -> Sequence[Shape]:
+        even = shape["travel_deg"] / (1.0 + shape.get("sharpness", 0.0))
+        return [
+            {**shape, "travel_deg": even * (1.0 + sharpness) * factor, "sharpness": sharpness}
+            for sharpness in sharpnesses
+            for factor in factors
+        ]
+
+    return around
+
+
+def every(*closer: Closer) -> Closer:
+    """All combinations."""
+
+    def combined(shape: Shape) -> Sequence[Shape]:
+        found: list[Shape] = [shape]
+        for one in closer:
+            found = [new for old in found for new in one(old)]
+        return found
+
+    return combined
+
+
+def dahl_or_masing(shape: Shape) -> list[Shape]:
+    """Presliding over other travels: by Dahl's law, or by spring-sliders (Masing) of two virgin curves."""
+    masing = either("masing", (1.0,))
+    return [
+        *times("travel_deg", HALF_OCTAVE)(shape),
+        *every(masing, rubbing(OCTAVE[1:-1], (0.0,)))(shape),
+        *every(masing, rubbing(FINE_OCTAVE, (0.5,)))(shape),
+    ]

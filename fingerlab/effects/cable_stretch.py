@@ -2,9 +2,7 @@
 
 import math
 
-from fingerlab.effects.base import Effect, Formula, Row, Shape, Term
-from fingerlab.effects.example import Example
-from fingerlab.effects.grids import times
+from fingerlab.effects.base import Effect, Example, Formula, Row, Shape, Term, times
 from fingerlab.physics.friction_states import first_order_lags, with_grid
 from fingerlab.physics.motion import Motion
 from fingerlab.physics.parameter import Parameter

@@ -4,10 +4,20 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fingerlab.effects.base import Effect, Formula, Row, Shape, Term
-from fingerlab.effects.example import Example
-from fingerlab.effects.grids import HALF_OCTAVE, OCTAVE, either, every, times
-from fingerlab.effects.transmission import (
+from fingerlab.effects.base import (
+    HALF_OCTAVE,
+    OCTAVE,
+    Effect,
+    Example,
+    Formula,
+    Row,
+    Shape,
+    Term,
+    either,
+    every,
+    times,
+)
+from fingerlab.effects.joints import (
     DRIVE,
     USUAL_STICKING_DEG,
     WINDING_TRAVELS_DEG,

@@ -4,12 +4,10 @@ import math
 
 import numpy as np
 
-from fingerlab.effects.base import Effect, Formula, Row, Shape, Term
-from fingerlab.effects.example import Example
+from fingerlab.effects.base import Effect, Example, Formula, Row, Shape, Term
 from fingerlab.effects.joints import sideways_terms
-from fingerlab.physics.motion import Motion
+from fingerlab.physics.motion import Motion, tip_reach, while_pressed
 from fingerlab.physics.parameter import Parameter
-from fingerlab.physics.tip import tip_reach, while_pressed
 
 
 def columns(motion: Motion, shape: Shape) -> list[Term]:

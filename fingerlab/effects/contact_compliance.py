@@ -4,12 +4,10 @@ import math
 
 import numpy as np
 
-from fingerlab.effects.base import Effect, Formula, Row, Shape, Term
-from fingerlab.effects.example import Example
+from fingerlab.effects.base import Effect, Example, Formula, Row, Shape, Term
 from fingerlab.effects.joints import sideways_terms
-from fingerlab.physics.motion import Motion
+from fingerlab.physics.motion import Motion, dragged_tip
 from fingerlab.physics.parameter import Parameter
-from fingerlab.physics.tip import dragged_tip
 
 SIDEWAYS_STIFFNESSES = (600.0, 1500.0, 3800.0, 9500.0)
 """Sideways stiffness over friction coefficient of a tip that gives way, N/m: what is soft to pressing is two

@@ -2,9 +2,7 @@
 
 import numpy as np
 
-from fingerlab.effects.base import Effect, Formula, Row, Shape, Term
-from fingerlab.effects.example import Example
-from fingerlab.effects.grids import rubbing
+from fingerlab.effects.base import Effect, Example, Formula, Row, Shape, Term, rubbing
 from fingerlab.effects.joints import COULOMB, JOINT_TRAVELS_DEG, both, friction_of_joints, joint_terms
 from fingerlab.physics.motion import Motion
 

@@ -5,12 +5,9 @@ from functools import partial
 
 import numpy as np
 
-from fingerlab.effects.base import Effect, Formula, Row, Shape, Term
-from fingerlab.effects.example import Example
-from fingerlab.effects.grids import plus
-from fingerlab.physics.motion import Motion, nothing
+from fingerlab.effects.base import Effect, Example, Formula, Row, Shape, Term, plus
+from fingerlab.physics.motion import Motion, nothing, tip_reach, while_pressed
 from fingerlab.physics.parameter import Parameter
-from fingerlab.physics.tip import tip_reach, while_pressed
 from fingerlab.sessions.model import Array
 
 LARGEST_TILT_RAD = 0.45

@@ -4,9 +4,7 @@ import math
 
 import numpy as np
 
-from fingerlab.effects.base import Effect, Formula, Row, Shape, Term
-from fingerlab.effects.example import Example
-from fingerlab.effects.grids import plus
+from fingerlab.effects.base import Effect, Example, Formula, Row, Shape, Term, plus
 from fingerlab.effects.joints import both, joint_terms
 from fingerlab.physics.motion import Motion, nothing
 from fingerlab.physics.parameter import Parameter

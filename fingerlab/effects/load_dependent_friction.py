@@ -2,10 +2,8 @@
 
 import numpy as np
 
-from fingerlab.effects.base import Effect, Formula, Row, Shape, Term
-from fingerlab.effects.example import Example
-from fingerlab.effects.grids import OCTAVE, rubbing
-from fingerlab.effects.transmission import drive_terms
+from fingerlab.effects.base import OCTAVE, Effect, Example, Formula, Row, Shape, Term, rubbing
+from fingerlab.effects.joints import drive_terms
 from fingerlab.physics.friction_states import friction_state, rubbing_forces
 from fingerlab.physics.motion import Motion
 from fingerlab.physics.parameter import Parameter

@@ -1,9 +1,7 @@
 """Coulomb friction in motor and gearbox."""
 
-from fingerlab.effects.base import Effect, Formula, Row
-from fingerlab.effects.example import Example
-from fingerlab.effects.grids import rubbing
-from fingerlab.effects.transmission import FRICTION, WINDING_SHAPES, coulomb_terms
+from fingerlab.effects.base import Effect, Example, Formula, Row, rubbing
+from fingerlab.effects.joints import FRICTION, WINDING_SHAPES, coulomb_terms
 
 EFFECT = Effect(
     id="motor_coulomb_friction",

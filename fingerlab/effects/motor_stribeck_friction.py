@@ -5,10 +5,20 @@ from dataclasses import replace
 
 import numpy as np
 
-from fingerlab.effects.base import Effect, Formula, Row, Shape, Term
-from fingerlab.effects.example import Example
-from fingerlab.effects.grids import OCTAVE, SPEED_FACTORS, every, rubbing, times
-from fingerlab.effects.transmission import (
+from fingerlab.effects.base import (
+    OCTAVE,
+    SPEED_FACTORS,
+    Effect,
+    Example,
+    Formula,
+    Row,
+    Shape,
+    Term,
+    every,
+    rubbing,
+    times,
+)
+from fingerlab.effects.joints import (
     FRICTION,
     USUAL_STICKING_DEG,
     coulomb_terms,

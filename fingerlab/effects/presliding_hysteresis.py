@@ -4,9 +4,7 @@ import math
 
 import numpy as np
 
-from fingerlab.effects.base import Effect, Formula, Row, Shape, Term
-from fingerlab.effects.example import Example
-from fingerlab.effects.grids import dahl_or_masing
+from fingerlab.effects.base import Effect, Example, Formula, Row, Shape, Term, dahl_or_masing
 from fingerlab.effects.joints import COULOMB, both, friction_of_joints, joint_terms
 from fingerlab.physics.friction_states import dahl_states, with_grid
 from fingerlab.physics.motion import Motion

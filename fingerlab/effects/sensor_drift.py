@@ -5,9 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fingerlab.effects.base import Effect, Formula, Row, Shape, Term
-from fingerlab.effects.example import Example
-from fingerlab.effects.grids import FINE_OCTAVE, times
+from fingerlab.effects.base import FINE_OCTAVE, Effect, Example, Formula, Row, Shape, Term, times
 from fingerlab.effects.joints import angle_error_terms
 from fingerlab.physics.motion import Motion
 from fingerlab.physics.parameter import Parameter

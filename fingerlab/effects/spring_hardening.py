@@ -1,7 +1,6 @@
 """Joint springs with a cubic term."""
 
-from fingerlab.effects.base import Effect, Formula, Row, Shape, Term
-from fingerlab.effects.example import Example
+from fingerlab.effects.base import Effect, Example, Formula, Row, Shape, Term
 from fingerlab.effects.joints import both, joint_terms
 from fingerlab.physics.motion import Motion
 from fingerlab.physics.parameter import Parameter

@@ -5,9 +5,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from fingerlab.effects.base import Effect, Formula, Row, Shape, Term
-from fingerlab.effects.example import Example
-from fingerlab.effects.grids import SPEED_FACTORS, every, rubbing, times
+from fingerlab.effects.base import (
+    SPEED_FACTORS,
+    Effect,
+    Example,
+    Formula,
+    Row,
+    Shape,
+    Term,
+    every,
+    rubbing,
+    times,
+)
 from fingerlab.effects.joints import COULOMB, JOINT_TRAVELS_DEG, both, friction_of_joints, joint_terms
 from fingerlab.physics.motion import Motion
 

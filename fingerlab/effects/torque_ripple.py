@@ -7,10 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from fingerlab.effects.base import Effect, Formula, Row, Shape, Term
-from fingerlab.effects.example import Example
-from fingerlab.effects.grids import plus
-from fingerlab.effects.transmission import drive_terms, pull_terms
+from fingerlab.effects.base import Effect, Example, Formula, Row, Shape, Term, plus
+from fingerlab.effects.joints import drive_terms, pull_terms
 from fingerlab.physics.motion import LEAST_PERIODS, Motion, strongest_orders
 from fingerlab.physics.parameter import Parameter
 

@@ -2,8 +2,7 @@
 
 import math
 
-from fingerlab.effects.base import Effect, Formula, Row, Shape, Term
-from fingerlab.effects.example import Example
+from fingerlab.effects.base import Effect, Example, Formula, Row, Shape, Term
 from fingerlab.physics import nominal
 from fingerlab.physics.motion import Motion
 from fingerlab.physics.parameter import Parameter

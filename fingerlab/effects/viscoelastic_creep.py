@@ -4,9 +4,7 @@ import math
 
 import numpy as np
 
-from fingerlab.effects.base import Effect, Formula, Row, Shape, Term
-from fingerlab.effects.example import Example
-from fingerlab.effects.grids import times
+from fingerlab.effects.base import Effect, Example, Formula, Row, Shape, Term, times
 from fingerlab.effects.joints import both, joint_terms
 from fingerlab.physics.friction_states import first_order_lags, with_grid
 from fingerlab.physics.motion import Motion

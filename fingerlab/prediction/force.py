@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fingerlab.core.errors import UserError
-from fingerlab.diagnosis.equations.coefficients import (
+from fingerlab.diagnosis.equations.columns import (
     CABLE_NAMES,
     DELAY,
     Coefficients,
@@ -41,9 +41,8 @@ from fingerlab.diagnosis.signals.filters import decimate
 from fingerlab.diagnosis.signals.scales import SI, Scales, reduced_rig, reduced_run
 from fingerlab.diagnosis.signals.segments import segments_of
 from fingerlab.effects.base import Effect, Row
-from fingerlab.effects.transmission import as_effects_see_it
-from fingerlab.physics.motion import Motion
-from fingerlab.physics.tip import TOUCHING_FORCE_N
+from fingerlab.effects.joints import as_effects_see_it
+from fingerlab.physics.motion import TOUCHING_FORCE_N, Motion
 from fingerlab.sessions.model import Array, Run, Session
 from fingerlab.sessions.trajectory import named_frequency
 from fingerlab.signals.periods import MINIMUM_PERIODS, PeriodGrid, settles
@@ -74,13 +73,6 @@ class Stretch:
     motion: Motion
     frequency_hz: float
     scales: Scales = SI
-
-
-def contact_runs(session: Session) -> tuple[Run, ...]:
-    """Runs in contact with a cable, in the order taken; may be empty."""
-    return tuple(
-        run for run in session.runs if run.phase == "contact" and run.cable_sign != 0 and not run.changed
-    )
 
 
 def contact_stretches(session: Session, run: Run, scales: Scales = SI) -> Iterator[Stretch]:

@@ -34,9 +34,8 @@ from fingerlab.core.files import read_text
 from fingerlab.core.plain_data import read_object
 from fingerlab.diagnosis.settings import SETTLING_S, WIDE_RATE_HZ
 from fingerlab.diagnosis.signals.scales import SI, Scales
-from fingerlab.physics.motion import Motion
+from fingerlab.physics.motion import TOUCHING_FORCE_N, Motion
 from fingerlab.physics.nominal import JointMotion
-from fingerlab.physics.tip import TOUCHING_FORCE_N
 from fingerlab.rig.constants import Rig
 from fingerlab.sessions.model import Array, Run
 

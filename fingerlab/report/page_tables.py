@@ -37,9 +37,8 @@ from fingerlab.report.diagnosis_words import (
     shown_best_first,
 )
 from fingerlab.report.parameter_words import parameter_title, parameter_titles
-from fingerlab.rig.constants import Finger, Motor
+from fingerlab.rig.constants import Finger, Motor, changed_words
 from fingerlab.rig.file import CONSTANT_UNITS, sources_of
-from fingerlab.rig.intervention import changed_words
 from fingerlab.sessions import content_hash
 from fingerlab.sessions.model import Run, Session
 from fingerlab.sessions.trajectory import run_told

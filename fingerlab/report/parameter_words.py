@@ -6,14 +6,21 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from fingerlab.core.text import ScreenUnit, decimals_for, estimate_text, fixed, largest_of, screen_unit
-from fingerlab.core.units import ParameterEstimate
+from fingerlab.core.text import (
+    ParameterEstimate,
+    ScreenUnit,
+    decimals_for,
+    estimate_text,
+    fixed,
+    largest_of,
+    screen_unit,
+)
 from fingerlab.diagnosis.equations.parameters import CHANGED_OFFSET, SLIPS
 from fingerlab.diagnosis.settings import MOST_CHANGES
 from fingerlab.effects import find_effect
 
 if TYPE_CHECKING:
-    from fingerlab.diagnosis.answer.at_hand import FittedParameter
+    from fingerlab.diagnosis.answer.errors import FittedParameter
 
 TITLES = {
     "arm_mcp": ("Moment arm at the MCP", "m"),

@@ -20,7 +20,7 @@ from typing import Any
 from fingerlab.core.errors import UserError
 from fingerlab.core.files import read_text
 from fingerlab.core.plain_data import read_object
-from fingerlab.core.units import factor
+from fingerlab.core.text import factor
 from fingerlab.rig.constants import Finger, Motor, Rig
 from fingerlab.rig.daq import CHANNEL_UNITS, LIMIT_UNITS, SOURCES, plain_section, read_daq, read_limits
 

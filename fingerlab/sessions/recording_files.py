@@ -27,8 +27,8 @@ from h5py import h5s
 
 from fingerlab.core.errors import UserError
 from fingerlab.core.files import refuse_taken, seen_as
-from fingerlab.sessions.format import CHANNEL_UNITS, FORMAT_NAME, FORMAT_VERSION
 from fingerlab.sessions.hdf5 import write_attributes
+from fingerlab.sessions.model import CHANNEL_UNITS, FORMAT_NAME, FORMAT_VERSION
 
 SUFFIX = ".recording"
 PART_SUFFIX = ".h5part"
@@ -216,6 +216,9 @@ RUN = "001"
 CLEAN, TRUNCATED, LOSSY = "clean", "truncated", "lossy"
 """How a recording ended: as asked, cut off, or as asked but with samples lost in between."""
 
+FEED_FORWARD = "feed_forward"
+"""Attribute of a run: slope of the position loop's feed-forward at its end, A/rad, where the loop has one."""
+
 _ENDED_BYTES = 16
 _NOTE_BYTES = 400
 
@@ -307,6 +310,11 @@ class PartWriter:
         self._counts = dropped, late
         self._group.attrs.modify("dropped_samples", np.int64(dropped))
         self._group.attrs.modify("late_cycles", np.int64(late))
+
+    def set_feed_forward(self, slope: float) -> None:
+        """What the position loop's feed-forward has learned, A/rad; of a run whose header speaks of it."""
+        if FEED_FORWARD in self._group.attrs:
+            self._group.attrs.modify(FEED_FORWARD, np.float64(slope))
 
     def finish(self, ended: str, note: str, complete: bool) -> None:
         """Say how the run ended, and close the file."""

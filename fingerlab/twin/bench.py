@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 from scipy.optimize import fsolve
 
-from fingerlab.twin.layout import CONTROL, FRICTION, MCP, MOTOR, PIP, PLANT
-from fingerlab.twin.mechanics import cable_path, finger_bias, fingertip, joint_elastic, pose
-from fingerlab.twin.plant import Plant, Sensors, Truth
-from fingerlab.twin.preset import Preset
+from fingerlab.twin.integrate import cable_path, finger_bias, fingertip, joint_elastic, pose
+from fingerlab.twin.plant import CONTROL, FRICTION, MCP, MOTOR, PIP, PLANT, Plant, Sensors, Truth
+from fingerlab.twin.protocols import Preset
 
 TRUNCATION = 2.0
 """No constant lies further off than this many of its tolerances: parts that far off are rejected."""

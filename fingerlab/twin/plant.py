@@ -1,4 +1,7 @@
-"""The plant of one run and what an effect may change in it; a file an effect is in ``twin/effects``.
+"""The plant of one run as the compiled code reads it, and what an effect may change in it.
+
+Records (numpy structured scalars) keep the names readable in compiled code without an argument list
+of ninety numbers. Joints are numbered 1 (MCP) and 2 (PIP) as in ``physics.md``.
 
 Strengths are chosen so that an effect matters on a bench whose joints carry some 0.04 N m, whose cable
 carries some 5 N and whose motor sees some 0.07 N m. Ranges are what such an effect could plausibly
@@ -11,7 +14,147 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from fingerlab.physics.parameter import Parameter
+
+SPREAD_ELEMENTS = 8
+"""Spring-slider pairs that share one presliding friction."""
+
+MCP, PIP, MOTOR = 0, 1, 2
+"""Places with a dry friction of their own: index into the friction records."""
+
+PLANT = np.dtype(
+    [
+        (name, np.float64)
+        for name in (
+            # Finger: kg, m, kg m^2 about the centres of mass, rad, m/s^2.
+            "proximal_mass",
+            "distal_mass",
+            "proximal_half_length",
+            "distal_half_length",
+            "proximal_inertia",
+            "distal_inertia",
+            "knuckle_mass",  # kg at the PIP axis: screws, magnet, cover
+            "hung_mass",  # kg, fixed to the distal link on purpose
+            "hung_at",  # m beyond the PIP axis
+            "distal_rotation",  # 0: distal body turns with the relative speed (thesis), 1: absolute
+            "tilt",  # rad, wrist angle as it really is
+            "tilt_cos",  # set from tilt by ``place_bench``
+            "tilt_sin",
+            "gravity",
+            # Joint springs: N m/rad, N m/rad^3; relaxing branch N m/rad and s.
+            "stiffness_1",
+            "stiffness_2",
+            "cubic_1",
+            "cubic_2",
+            "coupling",
+            "relaxing_1",
+            "relaxing_2",
+            "relaxation_time",
+            "viscous_1",  # N m s/rad
+            "viscous_2",
+            "stop_angle",  # rad, PIP, end of travel in extension
+            "stop_stiffness",  # N m/rad^1.5
+            "stop_damping",  # s, damping torque as a share of the elastic one, per rad/s
+            # Cable: +1 flexion, -1 extension, 0 none.
+            "cable_sign",
+            "arm_1",  # m, moment arm at zero angle
+            "arm_2",
+            "arm_slope_1",  # 1/rad, relative change of the arm with the sine of the angle
+            "arm_slope_2",
+            "path_at_rest",  # m, cable path of the joints at the start
+            "cable_stiffness",  # N/m
+            "cable_damping",  # N s/m
+            "slack",  # m, dead travel before the cable pulls
+            "wrap",  # friction coefficient times wrap angle of the sheath
+            "sheath_stiffness",  # N/m of the stuck cable in the sheath
+            # Motor, at the gearbox output.
+            "pulley_radius",
+            "torque_constant",  # N m/A at the output, gear ratio included
+            "inertia",  # kg m^2
+            "motor_viscous",  # N m s/rad
+            "motor_spring",  # N m/rad
+            "ripple",  # N m
+            "ripple_order",  # per revolution of the output
+            "ripple_phase",  # rad
+            "play",  # rad between gearbox and pulley, total
+            "current_lag",  # s, time constant of the servo amplifier's current loop
+            "load_torque",  # N m, known load in place of the finger, or beside it
+            # Contact.
+            "cell_x",  # m, a point of the contact plane
+            "cell_y",
+            "contact_angle",  # rad, normal of the contact plane against the load cell's axis
+            "normal_x",  # that normal, set from contact_angle by ``place_bench``
+            "normal_y",
+            "contact_stiffness",  # N/m
+            "contact_damping",  # s/m, Hunt-Crossley
+            "tip_friction",  # coefficient
+            "tip_stiffness",  # N/m, tangential, while the tip sticks
+            "tip_damping",  # N s/m, tangential
+        )
+    ]
+)
+
+FRICTION = np.dtype(
+    [
+        ("forward", np.float64),  # N m, sliding level against positive speed
+        ("backward", np.float64),  # N m, against negative speed
+        ("load_share", np.float64),  # friction per transmitted torque (motor only)
+        ("breakaway", np.float64),  # N m by which the level at rest exceeds the sliding one
+        ("stribeck_speed", np.float64),  # rad/s at which half of the excess is left
+        ("travel", np.float64),  # rad of elastic travel before it slides
+        ("spread", np.float64),  # N m, level of the friction that builds up gradually
+        ("spread_travel", np.float64),  # rad over which it builds up
+        ("damping", np.float64),  # s, damping of the elastic travel
+    ]
+)
+
+CONTROL = np.dtype(
+    [
+        ("proportional", np.float64),  # A/rad
+        ("integral", np.float64),  # A/(rad s)
+        ("derivative", np.float64),  # A s/rad
+        ("derivative_cutoff", np.float64),  # rad/s
+        ("current_limit", np.float64),  # A
+        ("count", np.float64),  # rad of output a count of the encoder
+    ]
+)
+
+STATE = np.dtype(
+    [
+        (name, np.float64)
+        for name in (
+            "theta",  # rad, motor at the output
+            "omega",  # rad/s
+            "current",  # A
+            "pulley",  # rad
+            "q1",  # rad
+            "q2",
+            "w1",  # rad/s
+            "w2",
+            "relaxed_1",  # rad, relaxing branch's own spring position
+            "relaxed_2",
+            "elongation",  # m, of the last step, for its rate
+            "sheath",  # N, force in the stuck cable
+            "tip",  # N, tangential force while the tip sticks
+            "tip_slide",  # m, tangential position of the last step
+            "alpha",  # rad/s^2 of the last step: motor, MCP, PIP
+            "a1",
+            "a2",
+            "integral",  # A
+            "rate",  # rad/s, filtered for the derivative action
+            "last_error",  # rad
+        )
+    ]
+)
+
+BRISTLES = (3, 1 + SPREAD_ELEMENTS)
+"""Shape of the friction memory: place by element, the first element being the sharp one; N m."""
+
+OUTPUTS = ("theta", "omega", "current", "q1", "q2", "w1", "w2", "force", "tension", "pulley_tension")
+"""Columns of what a run returns: rad, rad/s, A, rad, rad, rad/s, rad/s, N, N, N."""
+
 
 ON_AIR, CONTACT, MOTOR_BENCH = "on_air", "contact", "motor_bench"
 

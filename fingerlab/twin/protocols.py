@@ -1,17 +1,161 @@
-"""Which runs a session holds: the thesis' protocol and richer ones."""
+"""What a simulated session is ordered by: the preset of a bench, and the protocol of its runs.
+
+The first row names the columns: ``phase``, ``cable``, ``runs`` (how often, 1), ``load_torque`` (N m, of a
+motor bench), and any key of a trajectory, such as ``kind``, ``amplitude_deg`` or ``file``. What is left empty
+has its usual value. A number may be a scan, with a run for each of its values, one scan within the other
+where a row has several:
+
+=====================  ====================================
+``0.5 1 2``            these values
+``0.5 to 3 in 6``      six values, equally far apart
+``0.5 to 8 in 5 log``  five values, each by as many times more
+=====================  ====================================
+"""
 
 from __future__ import annotations
 
+import csv
+import io
+import itertools
 import json
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from importlib.resources import files
+from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from fingerlab.acquisition.control.trajectories import read_trajectory
 from fingerlab.core.errors import UserError
-from fingerlab.rig.intervention import read_intervention
-from fingerlab.sessions.format import CABLES
+from fingerlab.core.files import read_text
+from fingerlab.core.plain_data import read_object
+from fingerlab.rig.constants import Rig, read_intervention
+from fingerlab.sessions.model import CABLES
+from fingerlab.twin.effects import check_effects
+
+PRACTICE = "practice"
+AS_BUILT = "as-built"
+
+SECTIONS: dict[str, dict[str, int]] = {
+    "arms": {"extension": 2, "flexion": 2, "spread": 1},
+    "cable": {
+        "stiffness": 1,
+        "damping_time": 1,
+        "slack": 1,
+        "pretravel": 1,
+        "scatter": 1,
+        "sheath_stiffness": 1,
+        "wrap": 2,
+    },
+    "joints": {"viscous": 2, "wander": 1},
+    "motor": {"inertia": 1, "viscous": 1, "current_lag": 1},
+    "contact": {
+        "posture": 2,
+        "posture_spread": 1,
+        "stiffness": 1,
+        "damping": 1,
+        "friction": 1,
+        "tip_stiffness": 1,
+        "tip_damping": 1,
+    },
+    "control": {
+        "proportional": 1,
+        "integral": 1,
+        "derivative": 1,
+        "derivative_cutoff_hz": 1,
+        "current_limit": 1,
+        "counts": 1,
+    },
+    "sensors": {
+        "angle_step_deg": 1,
+        "angle_noise_deg": 1,
+        "force_step": 1,
+        "force_noise": 1,
+        "current_step": 1,
+        "current_noise": 1,
+    },
+    "protocol": {"contact_amplitude_deg": 1, "contact_force": 1},
+}
+"""Sections of a preset, their entries, and how many numbers each entry holds."""
+
+
+@dataclass(frozen=True)
+class Preset:
+    """A simulated bench before its tolerances are drawn. Units as in ``practice.toml``.
+
+    Attributes:
+        rig: what the bench knows of itself.
+        numbers: ``numbers[section][entry]`` is a float, or a tuple of two (MCP, PIP).
+        effects: effects built into the bench: id -> parameter -> value, SI.
+    """
+
+    name: str
+    title: str
+    rig: Rig
+    numbers: Mapping[str, Mapping[str, Any]]
+    effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+
+
+def load_preset(source: str | Path = PRACTICE) -> Preset:
+    """A preset by name (``practice``, ``as-built``) or from a TOML file.
+
+    Raises:
+        UserError: no such preset, not TOML, or a section or number missing, unknown or impossible.
+    """
+    if isinstance(source, str) and source in (PRACTICE, AS_BUILT):
+        name = source
+        text = (files("fingerlab.resources") / "rigs" / f"{source}.toml").read_text(encoding="utf-8")
+    else:
+        name = Path(source).stem
+        text = read_text(Path(source), "a preset: 'practice', 'as-built' or a TOML file")
+    return parse_preset(text, name)
+
+
+def parse_preset(text: str, name: str) -> Preset:
+    """A preset from TOML text.
+
+    Raises:
+        UserError: as for ``load_preset``.
+    """
+    data = read_object(text, f"The preset {name}", "see that of the practice rig for an example", toml=True)
+    unknown = set(data) - set(SECTIONS) - {"title", "rig", "effects"}
+    if unknown:
+        raise UserError(
+            f"The preset {name} has the unknown section {sorted(unknown)[0]!r}; "
+            f"known are {', '.join(SECTIONS)}."
+        )
+    numbers = {section: _section(data.get(section, {}), section, name) for section in SECTIONS}
+    rig = Rig.from_json(json.dumps(data.get("rig", {})), f"The preset {name}, 'rig'")
+    if rig.finger is None or rig.motor.pulley_radius is None:
+        raise UserError(f"The preset {name} needs 'rig.finger' and 'rig.motor.pulley_radius'.")
+    effects = check_effects(data.get("effects", {}), f"The preset {name}")
+    return Preset(name, str(data.get("title", name)), rig, numbers, effects)
+
+
+def _section(data: Any, section: str, name: str) -> dict[str, Any]:
+    expected = SECTIONS[section]
+    if not isinstance(data, dict):
+        raise UserError(f"The preset {name}, '{section}' is not a table.")
+    for key in data:
+        if key not in expected:
+            raise UserError(f"The preset {name}, '{section}' has the unknown entry {key!r}.")
+    result: dict[str, Any] = {}
+    for key, count in expected.items():
+        value = data.get(key)
+        values: list[Any] = value if isinstance(value, list) else [value]
+        if len(values) != count or not all(_is_number(v) for v in values):
+            raise UserError(
+                f"The preset {name}, '{section}.{key}' is {value!r}; it should hold {count} finite number(s)."
+            )
+        result[key] = tuple(map(float, values)) if count > 1 else float(values[0])
+    return result
+
+
+def _is_number(value: Any) -> bool:
+    return not isinstance(value, bool) and isinstance(value, int | float) and math.isfinite(value)
+
 
 RATE_HZ = 1000.0
 """Control loop and recording, thesis section 3.2."""
@@ -157,3 +301,96 @@ def single_run(
         settings = dict(json.loads(trajectory) if isinstance(trajectory, str) else trajectory)
     settings.pop("load_torque", None)
     return RunPlan(phase, cable, settings, float(load), change.attributes())
+
+
+WORDS = ("phase", "cable", "kind", "file")
+"""Columns that hold words."""
+COUNTS = ("runs", "seed")
+"""Columns that hold whole numbers."""
+NUMBERS = (
+    *("amplitude_deg", "frequency_hz", "offset_deg", "end_frequency_hz", "phase_deg", "rise_s", "duration_s"),
+    *("ramp_s", "load_torque"),
+)
+KNOWN = (*WORDS, *COUNTS, *NUMBERS)
+MOST_RUNS = 1000
+"""Of one table (assumed: at 5 s each more than an hour)."""
+EXAMPLE = "phase,kind,amplitude_deg,frequency_hz,offset_deg,duration_s,runs"
+
+
+def read_run_table(path: Path) -> list[RunPlan]:
+    """The runs of a table in their order.
+
+    Raises:
+        UserError: the file cannot be read, names no columns, or a row is no run.
+    """
+    text = read_text(path, "a text table of runs").lstrip("\ufeff")
+    lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
+    if len(lines) < 2:
+        raise UserError(
+            f"{path} has no rows; it should have a row of names such as {EXAMPLE}, and runs below."
+        )
+    mark = next((mark for mark in ("\t", ";", ",") if mark in lines[0]), ",")
+    names, *rows = csv.reader(io.StringIO("\n".join(lines)), delimiter=mark)
+    names = [name.strip() for name in names]
+    strange = next((name for name in names if name not in KNOWN), None)
+    if strange is not None:
+        raise UserError(f"{path} has the column {strange!r}; it may have {', '.join(KNOWN)}.")
+    if "kind" not in names or len(set(names)) < len(names):
+        raise UserError(f"{path} has the columns {', '.join(names)}; it should have each once, and 'kind'.")
+    plans: list[RunPlan] = []
+    for number, row in enumerate(rows, start=1):
+        plans += _runs(dict(zip(names, row, strict=False)), f"{path}, row {number}", path.parent)
+        if len(plans) > MOST_RUNS:
+            raise UserError(f"{path} holds more than {MOST_RUNS} runs; make fewer of them, or shorter scans.")
+    return plans
+
+
+def _runs(cells: dict[str, str], where: str, folder: Path) -> list[RunPlan]:
+    told = {name: text.strip() for name, text in cells.items() if text.strip()}
+    phase, cable, often = told.pop("phase", "on_air"), told.pop("cable", None), told.pop("runs", "1")
+    if not often.isdecimal() or not 1 <= int(often) <= MOST_RUNS:
+        raise UserError(f"{where} has 'runs' = {often!r}; it should be a whole number from 1.")
+    words = {name: text for name, text in told.items() if name in WORDS}
+    if "file" in words:  # beside the table, unless it says where
+        words["file"] = str(folder / words["file"])
+    scans = {name: scan_values(text, f"{where}, {name}") for name, text in told.items() if name not in WORDS}
+    plans = []
+    for values in itertools.product(*scans.values()):
+        numbers = dict(zip(scans, values, strict=True))
+        settings: dict[str, Any] = {
+            **words,
+            **{name: round(value) if name in COUNTS else value for name, value in numbers.items()},
+        }
+        try:
+            plans += [single_run(settings, phase, cable)] * int(often)
+        except UserError as error:
+            raise UserError(f"{where}: {error}") from None
+    return plans
+
+
+def scan_values(text: str, where: str) -> list[float]:
+    """The values of a cell: one, several, or a scan.
+
+    Raises:
+        UserError: it holds none.
+    """
+    parts = text.lower().split()
+    log = parts[-1] == "log"
+    parts = parts[:-1] if log else parts
+    try:
+        if len(parts) == 5 and (parts[1], parts[3]) == ("to", "in"):
+            first, last, count = float(parts[0]), float(parts[2]), int(parts[4])
+            usable = 2 <= count <= MOST_RUNS and math.isfinite(first + last) and (not log or first * last > 0)
+            if usable:
+                made = np.geomspace(first, last, count) if log else np.linspace(first, last, count)
+                return [float(f"{value:.6g}") for value in made]
+        elif not log and parts:
+            values = [float(part) for part in parts]
+            if all(map(math.isfinite, values)):
+                return values
+    except ValueError:
+        pass
+    raise UserError(
+        f"{where} is {text!r}; it should be a number, several such as '0.5 1 2', or a scan such as "
+        "'0.5 to 3 in 6' (with 'log' behind it: each by as many times more)."
+    )

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fingerlab.acquisition.bench.inline import InlineBench
+from fingerlab.acquisition.bench.process_bench import InlineBench
 from fingerlab.acquisition.bench.steering import LoopSettings
 from fingerlab.acquisition.control.machine import Mode
 from fingerlab.acquisition.control.units import BenchUnits
@@ -30,13 +30,12 @@ from fingerlab.acquisition.protocols.steps import (
 from fingerlab.acquisition.record.recording import SessionInfo
 from fingerlab.core.errors import UserError
 from fingerlab.devices.simulated import SimulatedBench, Simulation
+from fingerlab.rig.constants import Intervention
 from fingerlab.rig.daq import Limits
 from fingerlab.rig.file import default_rig
-from fingerlab.rig.intervention import Intervention
 from fingerlab.sessions import open_session
-from fingerlab.twin.layout import OUTPUTS
-from fingerlab.twin.protocols import PROTOCOLS, RunPlan
-from fingerlab.twin.run_table import read_run_table
+from fingerlab.twin.plant import OUTPUTS
+from fingerlab.twin.protocols import PROTOCOLS, RunPlan, read_run_table
 from tests.acquisition.fake_device import FakeDevice
 
 AIR = RunPlan(
@@ -248,8 +247,11 @@ def test_a_protocol_goes_on_from_any_run_with_its_set_up_and_its_contact() -> No
         steps_from(steps, 21)
 
 
-@pytest.mark.parametrize(("name", "ends"), [("frequency_hz", (0.5, 2.0)), ("offset_deg", (10.0, 40.0))])
-def test_a_scan_changes_one_number_of_the_motion(name: str, ends: tuple[float, float]) -> None:
-    runs = scan_runs(AIR.trajectory, name, *ends, 4)
-    assert [run.trajectory[name] for run in runs] == pytest.approx(list(np.linspace(*ends, 4)))
-    assert all({**run.trajectory, name: 0} == {**AIR.trajectory, name: 0} for run in runs)
+def test_a_scan_is_a_grid_of_runs_of_one_motion() -> None:
+    scans = {"frequency_hz": [0.5, 1.0], "amplitude_deg": [5.0, 10.0], "offset_deg": [10.0, 20.0, 30.0]}
+    runs = scan_runs(AIR.trajectory, scans)
+    seen = [tuple(run.trajectory[name] for name in scans) for run in runs]
+    assert len(set(seen)) == len(seen) == 12
+    assert seen[:4] == [(0.5, 5.0, 10.0), (0.5, 5.0, 20.0), (0.5, 5.0, 30.0), (0.5, 10.0, 10.0)]
+    none = dict.fromkeys(scans, 0)
+    assert all({**run.trajectory, **none} == {**AIR.trajectory, **none} for run in runs)

@@ -19,7 +19,7 @@ from fingerlab.acquisition.control.machine import Mode
 from fingerlab.acquisition.record.recorder import Recorder
 from fingerlab.acquisition.record.recording import RunInfo, SessionInfo
 from fingerlab.acquisition.ring import COLUMN, COLUMNS, Ring, RowFlag
-from fingerlab.acquisition.status import SharedStatus, Slot, Text
+from fingerlab.acquisition.status import Number, SharedStatus, Slot, Text
 from fingerlab.core.errors import UserError
 from fingerlab.rig.file import default_rig
 from fingerlab.sessions import check_session, open_session
@@ -187,8 +187,9 @@ def test_a_ring_that_came_round_is_a_gap(bench: Bench) -> None:
     assert run.length + run.attributes["dropped_samples"] == 9110
 
 
-def test_pause_markers_and_late_cycles(bench: Bench) -> None:
-    bench.begin(0)
+def test_pause_markers_late_cycles_and_what_the_loop_learned(bench: Bench) -> None:
+    bench.recorder.begin(RunInfo("contact", "flexion", 1000.0, SINE, 0, attributes={"feed_forward": 0.0}))
+    bench.board.set_number(Number.FEED_FORWARD, 0.81)
     bench.publish(500)
     bench.recorder.mark("cable slipped, später")
     bench.recorder.pause(True)
@@ -201,6 +202,7 @@ def test_pause_markers_and_late_cycles(bench: Bench) -> None:
     assert run.channel("time")[[499, 500]] == pytest.approx([0.499, 0.75])
     assert run.attributes["dropped_samples"] == 0
     assert run.attributes["late_cycles"] == 250
+    assert run.attributes["feed_forward"] == 0.81
     assert json.loads(run.attributes["markers"]) == [{"time": 0.499, "note": "cable slipped, später"}]
 
 

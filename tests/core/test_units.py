@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from fingerlab.core.units import factor, same_unit
+from fingerlab.core.text import factor, same_unit
 
 
 @pytest.mark.parametrize(

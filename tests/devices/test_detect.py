@@ -12,9 +12,9 @@ import pytest
 
 from fingerlab.core.errors import UserError
 from fingerlab.devices.choosing import DeviceChoice, choose_device, detect, opening_sentence
-from fingerlab.devices.clock import VirtualClock
 from fingerlab.devices.faults import Faults
 from fingerlab.devices.ni.card import NiCard
+from fingerlab.devices.protocol import VirtualClock
 from fingerlab.devices.replay import Replay
 from fingerlab.devices.simulated import SimulatedRig, Simulation
 from fingerlab.rig.constants import Rig
@@ -91,7 +91,7 @@ def test_detection_never_raises(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "nidaqmx", None)
     monkeypatch.setitem(sys.modules, "nidaqmx.errors", None)
     assert "nidaqmx cannot be loaded" in detect()[0].sentence
-    monkeypatch.setitem(sys.modules, "fingerlab.twin.streaming", None)
+    monkeypatch.setitem(sys.modules, "fingerlab.twin.recording", None)
     found = detect()
     assert not found[1].available
     assert "simulated rig cannot be used" in opening_sentence(found)

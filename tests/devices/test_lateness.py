@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fingerlab.devices.clock import LatenessMeter
+from fingerlab.devices.protocol import LatenessMeter
 
 
 def test_jitter_is_measured_against_the_most_punctual_cycle() -> None:

@@ -10,14 +10,12 @@ import pytest
 from click.testing import CliRunner, Result
 
 import fingerlab.acquisition.bench.process_bench
-from fingerlab.acquisition.bench.inline import InlineBench
-from fingerlab.acquisition.bench.process_bench import ProcessBench
+from fingerlab.acquisition.bench.process_bench import InlineBench, ProcessBench
 from fingerlab.acquisition.bench.steering import LoopSettings
 from fingerlab.acquisition.control.units import BenchUnits
 from fingerlab.cli.main import cli
 from fingerlab.core.errors import UserError
-from fingerlab.devices.choosing import OWN, choose_device
-from fingerlab.devices.own import confirm, confirmed_files, device_file
+from fingerlab.devices.choosing import OWN, choose_device, confirm, confirmed_files, device_file
 from fingerlab.rig.daq import Limits
 from fingerlab.rig.file import default_rig
 from fingerlab.sessions import open_session

@@ -22,9 +22,8 @@ from fingerlab.diagnosis.gram.reduction import reduce_sessions
 from fingerlab.diagnosis.gram.sums import Reduced
 from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import Row
-from fingerlab.physics.motion import Motion
+from fingerlab.physics.motion import Motion, tip_reach
 from fingerlab.physics.nominal import JointMotion
-from fingerlab.physics.tip import tip_reach
 from fingerlab.rig.constants import Finger
 from tests.effects.moving import FINGER, moving
 

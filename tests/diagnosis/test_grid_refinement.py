@@ -10,7 +10,7 @@ from fingerlab.diagnosis.gram.reduction import Reduction, reduce_sessions
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.search.grid_refinement import can_refine, extend_path, fit_effects
 from fingerlab.effects import CATALOGUE
-from fingerlab.effects.grids import either, every, plus, rubbing, times
+from fingerlab.effects.base import either, every, plus, rubbing, times
 
 from . import closed_form as made
 

@@ -42,7 +42,7 @@ from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
 from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import Row
 from fingerlab.physics.motion import Motion
-from fingerlab.rig.intervention import Intervention
+from fingerlab.rig.constants import Intervention
 from fingerlab.sessions.model import Session
 from fingerlab.twin.protocols import single_run
 

@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from fingerlab.cli.main import cli
-from fingerlab.core import parallel
+from fingerlab.core import progress
 from fingerlab.core.errors import UserError
 from fingerlab.diagnosis import diagnose
 from fingerlab.diagnosis.equations.model import Choice
@@ -46,9 +46,9 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_two_processes_give_what_one_gives_to_the_last_bit(
     recorded: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(parallel, "WORTH_BYTES", 0)
+    monkeypatch.setattr(progress, "WORTH_BYTES", 0)
     alone = diagnose([open_session(recorded)], with_curves=False)
-    with parallel.second_process([recorded], REDUCTION) as executor:
+    with progress.second_process([recorded], REDUCTION) as executor:
         assert executor is not None
         shared = diagnose([open_session(recorded)], with_curves=False, executor=executor)
     assert [(c.effect, c.score, c.probability) for c in shared.candidates] == [
@@ -67,9 +67,9 @@ def test_a_fault_that_the_second_process_meets_is_told_in_one_sentence(
     with h5py.File(broken, "r+") as file:
         for run in list(file["runs"])[1:]:
             file["runs"][run]["mcp_angle"][5000] = np.nan
-    monkeypatch.setattr(parallel, "WORTH_BYTES", 0)
+    monkeypatch.setattr(progress, "WORTH_BYTES", 0)
     with (
-        parallel.second_process([broken], REDUCTION) as executor,
+        progress.second_process([broken], REDUCTION) as executor,
         pytest.raises(UserError, match="mcp_angle"),
     ):
         diagnose([open_session(broken)], with_curves=False, executor=executor)
@@ -78,7 +78,7 @@ def test_a_fault_that_the_second_process_meets_is_told_in_one_sentence(
 def test_small_files_start_no_second_process(recorded: Path) -> None:
     small = recorded.with_name("small.txt")
     small.write_text("nothing to read")
-    with parallel.second_process([small], REDUCTION) as executor:
+    with progress.second_process([small], REDUCTION) as executor:
         assert executor is None
 
 

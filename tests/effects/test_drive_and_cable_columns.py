@@ -9,8 +9,8 @@ import pytest
 
 from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import Row, Term
+from fingerlab.effects.joints import LATE, as_effects_see_it, driven_tension
 from fingerlab.effects.sensor_drift import STEADY_S
-from fingerlab.effects.transmission import LATE, as_effects_see_it, driven_tension
 from fingerlab.physics import nominal
 from fingerlab.physics.nominal import JointMotion
 from tests.physics.test_friction_states import looped_stop

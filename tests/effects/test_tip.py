@@ -8,8 +8,8 @@ import pytest
 from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import Row
 from fingerlab.effects.sensor_drift import STEADY_S
+from fingerlab.physics.motion import pressed, tip_depth, tip_reach, while_pressed
 from fingerlab.physics.nominal import JointMotion
-from fingerlab.physics.tip import pressed, tip_depth, tip_reach, while_pressed
 
 from .moving import FINGER, column, moving
 

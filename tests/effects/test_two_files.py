@@ -17,8 +17,8 @@ LAW = '''"""A seal that drags in proportion to the motor's speed."""
 from __future__ import annotations
 
 from fingerlab.effects.base import Effect, Formula, Row, Shape, Term
-from fingerlab.effects.example import Example
-from fingerlab.effects.transmission import drive_terms
+from fingerlab.effects.base import Example
+from fingerlab.effects.joints import drive_terms
 from fingerlab.physics.motion import Motion
 from fingerlab.physics.parameter import Parameter
 

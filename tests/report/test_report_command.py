@@ -11,8 +11,7 @@ import pytest
 
 from fingerlab.core.text import printed
 from fingerlab.twin.effects import parse_effects
-from fingerlab.twin.preset import load_preset
-from fingerlab.twin.protocols import RunPlan
+from fingerlab.twin.protocols import RunPlan, load_preset
 from fingerlab.twin.session import write_session
 from tests.cli.calling import run_command
 

@@ -7,7 +7,7 @@ import json
 import pytest
 
 from fingerlab.core.errors import UserError
-from fingerlab.rig.intervention import (
+from fingerlab.rig.constants import (
     INTERVENTION,
     UNCHANGED,
     Intervention,

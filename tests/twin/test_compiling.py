@@ -9,10 +9,10 @@ from pathlib import Path
 import numba
 import pytest
 
-from fingerlab.twin import mechanics
+from fingerlab.twin import integrate
 
 SCRIPT = """
-from fingerlab.twin.mechanics import slide
+from fingerlab.twin.integrate import slide
 print(slide(1.0, 5.0, -2.0, 2.0), type(slide._cache).__name__)
 """
 
@@ -25,8 +25,8 @@ def test_compiles_without_a_place_for_the_cache(monkeypatch: pytest.MonkeyPatch)
             raise RuntimeError("cannot cache function: no locator available")
         return original(*arguments, **options)
 
-    monkeypatch.setattr(mechanics.numba, "njit", nowhere)
-    assert mechanics.compiled(lambda a: a + 1.0)(2.0) == 3.0
+    monkeypatch.setattr(integrate.numba, "njit", nowhere)
+    assert integrate.compiled(lambda a: a + 1.0)(2.0) == 3.0
 
 
 def test_keeps_its_code_elsewhere_where_the_package_folder_is_read_only(tmp_path: Path) -> None:

@@ -10,9 +10,9 @@ import pytest
 import sympy as sp
 
 from fingerlab.twin.bench import build_bench, draw_truth, place_bench
-from fingerlab.twin.integrate import advance_finger, advance_motor
-from fingerlab.twin.layout import BRISTLES, MCP, STATE
-from fingerlab.twin.mechanics import (
+from fingerlab.twin.integrate import (
+    advance_finger,
+    advance_motor,
     cable_path,
     dry_friction,
     finger_bias,
@@ -22,7 +22,8 @@ from fingerlab.twin.mechanics import (
     moment_arms,
     pose,
 )
-from fingerlab.twin.preset import load_preset
+from fingerlab.twin.plant import BRISTLES, MCP, STATE
+from fingerlab.twin.protocols import load_preset
 
 
 @pytest.fixture

@@ -15,8 +15,7 @@ from fingerlab.cli.simulate import reveal, simulate
 from fingerlab.core.errors import UserError
 from fingerlab.sessions import open_session
 from fingerlab.twin.effects import EFFECTS
-from fingerlab.twin.preset import load_preset, parse_preset
-from fingerlab.twin.protocols import PROTOCOLS, RunPlan, single_run
+from fingerlab.twin.protocols import PROTOCOLS, RunPlan, load_preset, parse_preset, single_run
 from fingerlab.twin.session import PRACTISED, pick_hidden, reveal_session, seal, unseal, write_session
 
 SHORT = [

@@ -11,11 +11,16 @@ from fingerlab.acquisition.control.trajectories import read_trajectory
 from fingerlab.core.errors import UserError
 from fingerlab.twin.effects import parse_effects
 from fingerlab.twin.integrate import position_loop
-from fingerlab.twin.layout import OUTPUTS, STATE
-from fingerlab.twin.preset import load_preset
-from fingerlab.twin.protocols import RunPlan
-from fingerlab.twin.recording import prepare_bench, simulate_run
-from fingerlab.twin.streaming import PERIOD, BenchStream, bridge_angle, seeded_truth
+from fingerlab.twin.plant import OUTPUTS, STATE
+from fingerlab.twin.protocols import RunPlan, load_preset
+from fingerlab.twin.recording import (
+    PERIOD,
+    BenchStream,
+    bridge_angle,
+    prepare_bench,
+    seeded_truth,
+    simulate_run,
+)
 
 PRACTICE = load_preset()
 TRUTH, _ = seeded_truth(PRACTICE, 5)

@@ -15,13 +15,14 @@ from PySide6.QtWidgets import (
     QFormLayout,
     QGridLayout,
     QLabel,
+    QLineEdit,
     QPushButton,
     QSizePolicy,
     QToolButton,
     QWidget,
 )
 
-from fingerlab.acquisition.control.commands import LARGEST_DEG, Initialise
+from fingerlab.acquisition.control.machine import LARGEST_DEG, Initialise
 from fingerlab.acquisition.protocols.steps import (
     PlannedRun,
     Record,
@@ -34,7 +35,7 @@ from fingerlab.acquisition.protocols.steps import (
 )
 from fingerlab.core.errors import UserError
 from fingerlab.report.diagnosis_words import PHASE_WORDS
-from fingerlab.rig.intervention import changed_words
+from fingerlab.rig.constants import changed_words
 from fingerlab.sessions.trajectory import trajectory_words
 
 from ..widgets.fields import WholeField, choice, form_menu, number, refuse_entries
@@ -144,6 +145,10 @@ OWN_RUNS = {
     "own_scan": "Scan on air",
 }
 SCANNED = {"frequency_hz": "Frequency (Hz)", "amplitude_deg": "Amplitude (°)", "offset_deg": "Offset (°)"}
+SCAN_HELP = (
+    "{}: several values such as '5 10 15', or '0.5 to 3 in 6' (with 'log' behind it: each by as many times "
+    "more). Every one is taken with every one of the other two; left empty, it is as set under By hand."
+)
 TABLE = "table"
 TABLE_FILTER = "Text tables (*.csv *.txt *.tsv);;All files (*)"
 TABLE_HELP = (
@@ -185,11 +190,8 @@ class ProtocolForm(QWidget):
         self.amplitude = number(
             "contactAmplitude", 5.0, 0.0, 90.0, 1, 0.5, "Contact amplitude: at the pulley, in contact runs."
         )
-        self.scanned = choice(
-            "scanned", SCANNED, "Scan: which number of the motion is changed from run to run."
-        )
-        self.scan_from = number("scanFrom", 0.5, -180.0, 180.0, 2, 0.5, "From: its value in the first run.")
-        self.scan_to = number("scanTo", 3.0, -180.0, 180.0, 2, 0.5, "To: its value in the last run.")
+        self.scans = {name: self._scan(name, title) for name, title in SCANNED.items()}
+        self.scans["frequency_hz"].setText("0.5 to 3 in 6")
         self.table = described(QPushButton("Choose…"), "runTable", tip=TABLE_HELP)
         self.first = described(WholeField(), "firstRun", accessible="First run that is taken")
         self.first.setRange(1, MOST_RUNS)
@@ -201,9 +203,8 @@ class ProtocolForm(QWidget):
         form.setSpacing(3)
         form.addRow("&Protocol", self.which)
         form.addRow("File", self.table)
-        form.addRow("Scan", self.scanned)
-        form.addRow("From", self.scan_from)
-        form.addRow("To", self.scan_to)
+        for name, title in SCANNED.items():
+            form.addRow(title, self.scans[name])
         form.addRow("R&uns (n)", self.runs)
         form.addRow("&Each (s)", self.seconds)
         form.addRow("Re&st (s)", self.rest)
@@ -212,7 +213,6 @@ class ProtocolForm(QWidget):
         form.addRow("From run", self.first)
         form.addRow(self.total)
         self.which.currentIndexChanged.connect(self._on_which)
-        self.scanned.currentIndexChanged.connect(self.edited)
         self.table.clicked.connect(self._choose_table)
         for field in (self.runs, self.first, *self._numbers.values()):
             field.valueChanged.connect(self.edited)
@@ -232,13 +232,12 @@ class ProtocolForm(QWidget):
     @property
     def fields(self) -> tuple[QWidget, ...]:
         """All that can be typed into or chosen."""
-        return self.which, self.scanned, self.runs, *self._numbers.values(), self.first
+        return self.which, *self.scans.values(), self.runs, *self._numbers.values(), self.first
 
     @property
     def _numbers(self) -> dict[str, QDoubleSpinBox]:
         times = {"seconds": self.seconds, "rest": self.rest}
-        scan = {"scan_from": self.scan_from, "scan_to": self.scan_to}
-        return {**scan, **times, "force": self.force, "amplitude": self.amplitude}
+        return {**times, "force": self.force, "amplitude": self.amplitude}
 
     def state(self) -> dict[str, Any]:
         """Every field, and the protocol that was handed over."""
@@ -247,7 +246,7 @@ class ProtocolForm(QWidget):
         handed = (self._handed, self.which.itemText(row) if row >= 0 else "")
         told = {
             "which": self.which.currentData(),
-            "scanned": self.scanned.currentData(),
+            "scans": {name: field.text() for name, field in self.scans.items()},
             "table": self._table,
         }
         return {**told, "runs": self.runs.value(), "first": self.first.value(), **numbers, "handed": handed}
@@ -260,7 +259,8 @@ class ProtocolForm(QWidget):
             self.which.setItemText(row, title)
         self._name_table(state["table"])
         self.which.setCurrentIndex(self.which.findData(state["which"]))
-        self.scanned.setCurrentIndex(self.scanned.findData(state["scanned"]))
+        for name, scan in self.scans.items():
+            scan.setText(state["scans"][name])
         self.runs.setValue(state["runs"])
         self.first.setValue(state["first"])
         for name, field in self._numbers.items():
@@ -293,8 +293,7 @@ class ProtocolForm(QWidget):
         return steps_from(self._all_steps(motion), self.first.value())
 
     def _all_steps(self, motion: Mapping[str, Any]) -> tuple[Step, ...]:
-        from fingerlab.twin.protocols import PROTOCOLS
-        from fingerlab.twin.run_table import read_run_table
+        from fingerlab.twin.protocols import PROTOCOLS, read_run_table
 
         plans: Sequence[PlannedRun]
         key = str(self.which.currentData())
@@ -313,11 +312,37 @@ class ProtocolForm(QWidget):
             wave["duration_s"] = self.seconds.value()
             press = None if key in ("own_on_air", "own_scan") else self.amplitude.value()
             if key == "own_scan":
-                ends = self.scan_from.value(), self.scan_to.value()
-                plans = scan_runs(wave, str(self.scanned.currentData()), *ends, self.runs.value())
+                plans = scan_runs(wave, self._scanned())
             else:
                 plans = own_runs(wave, self.runs.value(), key != "own_contact", press)
         return plan_steps(plans, self.force.value(), self.rest.value())
+
+    def _scan(self, name: str, title: str) -> QLineEdit:
+        """The field of a number that may be scanned: several values, as in a cell of a table of runs."""
+        words = title.split(" (")[0]
+        field = described(QLineEdit(), f"scan_{name}", accessible=words, tip=SCAN_HELP.format(words))
+        field.setPlaceholderText("as by hand")
+        field.textChanged.connect(self.edited)
+        return field
+
+    def _scanned(self) -> dict[str, list[float]]:
+        """The values of each number that is scanned.
+
+        Raises:
+            UserError: what was typed is none, none is scanned, or they make too many runs.
+        """
+        from fingerlab.twin.protocols import scan_values
+
+        typed = {name: field.text().strip() for name, field in self.scans.items()}
+        scans = {
+            name: scan_values(text, SCANNED[name].split(" (")[0]) for name, text in typed.items() if text
+        }
+        count = math.prod(map(len, scans.values()))
+        if not scans:
+            raise UserError("Nothing is scanned; give several values of a number, such as 0.5 to 3 in 6.")
+        if count > MOST_RUNS:
+            raise UserError(f"The scans make {count} runs, more than {MOST_RUNS}; take fewer values.")
+        return scans
 
     def tell_total(self, steps: Sequence[Step]) -> None:
         """How many runs, how long; of one that was handed over also what it is."""
@@ -333,10 +358,8 @@ class ProtocolForm(QWidget):
         key = str(self.which.currentData())
         for field, shown in (
             (self.table, key == TABLE),
-            (self.scanned, key == "own_scan"),
-            (self.scan_from, key == "own_scan"),
-            (self.scan_to, key == "own_scan"),
-            (self.runs, key in OWN_RUNS),
+            *((field, key == "own_scan") for field in self.scans.values()),
+            (self.runs, key in OWN_RUNS and key != "own_scan"),
             (self.seconds, key in OWN_RUNS),
             (self.rest, key != HANDED),
             (self.force, key not in (HANDED, *WITHOUT_CONTACT)),

@@ -9,8 +9,7 @@ from fingerlab.calibration import Calibration
 from fingerlab.calibration.outcome import CalibrationOutcome, amount_text, compare
 from fingerlab.calibration.sensors import Sensor
 from fingerlab.calibration.store import CalibrationRecord
-from fingerlab.core.text import decimals_for, fixed, printed, r2_text
-from fingerlab.core.units import ParameterEstimate
+from fingerlab.core.text import ParameterEstimate, decimals_for, fixed, printed, r2_text
 
 _AMOUNT = re.compile(r"(?<=\d) (?=(?:g|kg|s|V|mV|N|mN)\b)")
 SENSOR_NAMES = {"load-cell": "Load cell", "mcp": "MCP angle sensor", "pip": "PIP angle sensor"}

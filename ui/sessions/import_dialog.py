@@ -29,8 +29,7 @@ from PySide6.QtWidgets import (
 from fingerlab.core.errors import UserError
 from fingerlab.core.text import ScreenUnit, largest_of, screen_unit
 from fingerlab.report.diagnosis_words import PHASE_WORDS
-from fingerlab.sessions.format import CABLES, CHANNEL_UNITS, PHASES
-from fingerlab.sessions.model import Array
+from fingerlab.sessions.model import CABLES, CHANNEL_UNITS, PHASES, Array
 
 from ..widgets.fields import NumberField, choice, set_usable
 from ..widgets.labels import remark
@@ -152,7 +151,7 @@ class ColumnTable(NumberTable):
         return TITLES.get(self.kind(row), self.kind(row)) or self._names[row]
 
     def _offer_units(self, row: int, wanted: str = "") -> None:
-        from fingerlab.core.units import factor
+        from fingerlab.core.text import factor
         from fingerlab.sessions.mapping import units_of
 
         field, channel = self._field(row, 2), self.kind(row)
@@ -425,7 +424,7 @@ class ImportDialog(QDialog):
 
     def _in_si(self, row: int) -> Array:
         """A column's first rows in the unit of its channel; as they are where that is not known."""
-        from fingerlab.core.units import factor
+        from fingerlab.core.text import factor
 
         unit, axis = self.columns.unit(row), self._axis
         target = self._unit_of(row)

@@ -1,7 +1,7 @@
 """The control loop: one exchange with the device a cycle, and everything that follows from it.
 
 The loop knows no window, no file and no wall clock: its time is the sample index over the rate. It runs in
-a process of its own (``processes.py``) or is stepped on a virtual clock (``inline.py``), by the same code.
+a process of its own (``processes.py``) or is stepped on a virtual clock (``process_bench.py``), by one code.
 """
 
 from __future__ import annotations
@@ -31,14 +31,18 @@ from fingerlab.acquisition.control.believing import (
     sensors_of,
     window_fault,
 )
-from fingerlab.acquisition.control.commands import (
+from fingerlab.acquisition.control.machine import (
     AtRest,
     Command,
     Disable,
     Enable,
+    Event,
     Finish,
     HoldDeadMan,
     Initialise,
+    Interlock,
+    Machine,
+    Mode,
     MoveByHand,
     Quit,
     Release,
@@ -48,7 +52,6 @@ from fingerlab.acquisition.control.commands import (
     Tare,
     Winding,
 )
-from fingerlab.acquisition.control.machine import Event, Interlock, Machine, Mode
 from fingerlab.acquisition.control.safety import EncoderFault, Reading, Safety
 from fingerlab.acquisition.control.units import Reader
 from fingerlab.acquisition.ring import Publisher, Ring
@@ -59,6 +62,7 @@ from fingerlab.devices.protocol import (
     Device,
     DeviceFault,
     DeviceLost,
+    ReadInBlocks,
     SetUpBySoftware,
     counted_on,
     cycles_per_command,
@@ -234,6 +238,7 @@ class ControlLoop:
         """What depends on how the device takes its commands, and on the lines that it has."""
         hold, lines = cycles_per_command(self.device), safety_lines(self.device)
         self._steering = Steering(self.settings, self._period, hold, self._board)
+        self._blocks = self.device if isinstance(self.device, ReadInBlocks) else None
         self._interlock = Interlock(lines, self._period, hold)
         self._beat: Callable[[], None] | None = None
         if lines.dead_man.terminal and isinstance(self.device, DeadMan):
@@ -273,7 +278,7 @@ class ControlLoop:
         if steering.advance(reading):
             self._end_of_trajectory(reading)
         if self.machine.command_allowed:
-            steering.command(reading)
+            steering.command(reading, self._blocks is None or self._blocks.command_is_due)
         else:
             steering.off()
 

@@ -10,16 +10,14 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fingerlab.acquisition.control.commands import Approach, Command, Jog, SetGains, Start, TakeUp, Winding
-from fingerlab.acquisition.control.motion import (
+from fingerlab.acquisition.control.machine import Approach, Command, Jog, SetGains, Start, TakeUp, Winding
+from fingerlab.acquisition.control.motion import Reference, Settling, TorqueDrive, check_torque
+from fingerlab.acquisition.control.position import (
     GAIN_RANGES,
+    FeedForward,
     Gains,
     PositionLoop,
-    Reference,
-    Settling,
-    TorqueDrive,
     check_gains,
-    check_torque,
     slowed,
 )
 from fingerlab.acquisition.control.safety import Reading, Watchdog
@@ -157,6 +155,9 @@ class Steering:
         self._units, self._hold, self._board = settings.units, hold, board
         board[Slot.HOLD] = hold
         self._controller = PositionLoop(gains, period * hold)
+        inertia = settings.units.inertia / settings.units.torque_per_amp
+        self._known = FeedForward(period * hold, inertia) if hold > 1 else None
+        self._lead = 0.5 * hold + 1.0  # samples from a command's computing to the middle of its effect
         self._pull = TorqueDrive(period, gains, settings.units, settings.limits)
         self._pulling = False  # the trajectory is one of torque
         self._settling = Settling(period)
@@ -210,6 +211,7 @@ class Steering:
         self._board[Slot.APPROACHED] = 0
         if not moving:
             self._controller.reset()
+            self._know_nothing()
             self.reference.begin(position)
         if isinstance(command, Approach):
             self.reference.wind(command.speed, command.limit)
@@ -234,17 +236,37 @@ class Steering:
             self._follow_winding(self._winding, reading)
         return followed.over
 
-    def command(self, reading: Reading) -> None:
-        """Current command and set value for the next cycle."""
-        if self._hold != 1 and reading.index % self._hold != 0:
+    def command(self, reading: Reading, due: bool = True) -> None:
+        """Current command and set value for the next cycle.
+
+        Args:
+            due: whether the device takes one in the next cycle; else the last one goes on.
+        """
+        if not due:
             return
         if self._pulling:
             self.amps = self._pull.current(reading.speed)
         else:
-            self.amps = self._controller.command(self.reference.value - reading.position)
+            error = self.reference.value - reading.position
+            self.amps = self._controller.command(error, self._beforehand(reading.position))
             self.amps = min(max(self.amps, -self._most), self._most)
         units = self._units
         self.volts = min(max(self.amps / units.amps_per_volt, units.low_volts), units.high_volts)
+
+    def _beforehand(self, position: float) -> float:
+        """By how much more than the last command is known to be needed, A; the motor is at ``position``."""
+        known = self._known
+        if known is None or self._winding is not None:
+            return 0.0
+        reference = self.reference
+        more = known.more(position, self.amps, reference.ahead(self._lead), reference.acceleration)
+        self._board.set_number(Number.FEED_FORWARD, known.slope)
+        return more
+
+    def _know_nothing(self) -> None:
+        if self._known is not None:
+            self._known.reset()
+        self._board.set_number(Number.FEED_FORWARD, 0.0)
 
     def rest(self, position: float) -> None:
         """Begin a soft stop of a motor at ``position`` (rad)."""
@@ -252,6 +274,7 @@ class Steering:
         if self._pulling:  # the position loop takes over where the motor is, with the current that it has
             self._pulling = False
             self._controller.take_over(self.amps)
+            self._know_nothing()
             self.reference.begin(position)
         self.reference.rest()
         self._settling.begin()

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from operator import attrgetter
 from typing import NamedTuple, Protocol
 
-from fingerlab.acquisition.control.commands import SetUp
+from fingerlab.acquisition.control.machine import SetUp
 from fingerlab.acquisition.control.safety import (
     Check,
     EncoderFault,
@@ -151,6 +151,7 @@ class EncoderSense:
     def reset(self) -> None:
         self._agreed = False
         self._sign, self._from = 0.0, math.nan
+        self._work, self._last = 0.0, math.nan
 
     def fault(self, reading: Reading) -> str | None:
         if self._agreed:
@@ -160,8 +161,13 @@ class EncoderSense:
         if sign != self._sign:
             self._sign, self._from = sign, reading.position
         moved = sign * (reading.position - self._from)
-        if moved >= SENSE_TRAVEL:
+        work = current * (reading.position - self._last)
+        self._work += work if work == work else 0.0
+        self._last = reading.position
+        # A soft start may never need that much current on its way there, and brakes with it on its way back.
+        if moved >= SENSE_TRAVEL or self._work >= SENSE_CURRENT * SENSE_TRAVEL:
             self._agreed = True
+            return None
         if not moved <= -SENSE_TRAVEL:
             return None
         return EncoderFault(

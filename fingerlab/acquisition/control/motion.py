@@ -1,13 +1,13 @@
-"""The wanted motion, and the current that makes it: by angle (PID) or by torque."""
+"""The wanted motion, how it ends, and the current of a wanted torque; that of an angle is in ``position``."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
+from fingerlab.acquisition.control.position import Gains
 from fingerlab.acquisition.control.trajectories import Trajectory
 from fingerlab.acquisition.control.units import BenchUnits
 from fingerlab.core.errors import UserError
@@ -39,7 +39,7 @@ class Reference:
         self._blend = SHORTEST_BLEND_S
         self._ahead: list[float] = []
         self._next = 0
-        self.value = self._before = 0.0
+        self.value = self._before = self._earlier = 0.0
 
     @property
     def over(self) -> bool:
@@ -48,7 +48,7 @@ class Reference:
 
     def begin(self, position: float) -> None:
         """Stand at ``position`` (rad)."""
-        self.value = self._before = position
+        self.value = self._before = self._earlier = position
 
     def start(self, trajectory: Trajectory, position: float, endless: bool = False) -> None:
         """Begin from rest at ``position`` (rad); the trajectory's own envelope leads into the motion."""
@@ -83,10 +83,19 @@ class Reference:
         """The next sample's command, rad."""
         if self._next >= len(self._ahead):
             self._calculate()
-        self._before, self.value = self.value, self._ahead[self._next]
+        self._earlier, self._before, self.value = self._before, self.value, self._ahead[self._next]
         self._next += 1
         self._done += 1
         return self.value
+
+    def ahead(self, samples: float) -> float:
+        """The command so many samples from now, at the speed of this moment, rad."""
+        return self.value + samples * (self.value - self._before)
+
+    @property
+    def acceleration(self) -> float:
+        """Of the command, over the last three samples, rad/s^2."""
+        return (self.value - 2.0 * self._before + self._earlier) / self.period**2
 
     def _as_it_is(self) -> Callable[[Array], Array]:
         """The present motion as a function of the time since the last sample."""
@@ -138,59 +147,6 @@ def _mixed(
     return motion
 
 
-@dataclass(frozen=True)
-class Gains:
-    """Gains of the position loop, at the gearbox output. The thesis gives none; all are assumed."""
-
-    proportional: float = 14.0
-    """A/rad; 12 Hz bandwidth with the RE40's rotor."""
-    integral: float = 25.0
-    """A/(rad s)."""
-    derivative: float = 0.25
-    """A s/rad; damping ratio 0.7."""
-    derivative_cutoff_hz: float = 60.0
-    """Hz; an encoder count then moves the current by 60 mA."""
-    current_limit: float = 6.0
-    """A; nominal current of the RE40 (thesis table 2.3)."""
-
-
-GAIN_RANGES = {
-    "proportional": (3.5, 21.0, "A/rad"),
-    "integral": (0.0, 50.0, "A/(rad s)"),
-    "derivative": (0.175, 0.4, "A s/rad"),
-}
-"""What they may be (assumed): from soft to half as stiff again, with a damping ratio never below 0.4."""
-
-
-def check_gains(gains: Gains) -> None:
-    """Refuse gains with which the loop would be no longer sure to be steady.
-
-    Raises:
-        UserError: one is out of its range.
-    """
-    for name, (low, high, unit) in GAIN_RANGES.items():
-        value = getattr(gains, name)
-        if not low <= value <= high:
-            raise UserError(f"The {name} gain is {value:g}; it should be {low:g} to {high:g} {unit}.")
-
-
-def slowed(gains: Gains, cycles: int) -> Gains:
-    """Gains for a loop that sets its command only every ``cycles`` samples, with the delay of as many.
-
-    The bandwidth falls with the square root: 12 Hz become 4 Hz at ten samples, where a delay of 15 ms costs
-    21 degrees of phase. The integral keeps its time, or the finger's springs would hold the motor back from
-    where it is to be for seconds. Assumed.
-    """
-    share = cycles**-0.5
-    return Gains(
-        gains.proportional * share**2,
-        gains.integral * share**2,
-        gains.derivative * share,
-        gains.derivative_cutoff_hz,
-        gains.current_limit,
-    )
-
-
 REST_BAND = math.radians(0.3)
 """A motor that stays this near to its command is at rest (assumed: seven encoder counts)."""
 
@@ -217,47 +173,6 @@ class Settling:
         self._waited += 1
         self._near = self._near + 1 if abs(error) <= REST_BAND else 0
         return self._near >= self._wanted or self._waited >= self._most
-
-
-class PositionLoop:
-    """Current command (A) from the position error (rad), once a sample."""
-
-    def __init__(self, gains: Gains, period: float) -> None:
-        self.gains, self.period = gains, period
-        self._share = 1.0 - math.exp(-2.0 * math.pi * gains.derivative_cutoff_hz * period)
-        self.reset()
-
-    def change(self, gains: Gains, error: float) -> None:
-        """Go on with other gains; the current (A) at this ``error`` (rad) stays what it is."""
-        before = self.gains.proportional * error + self.gains.derivative * self._rate
-        self._integral += before - gains.proportional * error - gains.derivative * self._rate
-        self.gains = gains
-
-    def reset(self) -> None:
-        """Forget the past: no integral, no rate."""
-        self._integral = self._rate = 0.0
-        self._last: float | None = None
-
-    def take_over(self, current: float) -> None:
-        """Go on from a current (A) that something else has set."""
-        self.reset()
-        self._integral = current
-
-    def command(self, error: float) -> float:
-        """Current command, within the limit; the integral stands still while it is reached."""
-        gains = self.gains
-        if self._last is None:
-            self._last = error
-        self._rate += self._share * ((error - self._last) / self.period - self._rate)
-        self._last = error
-        wanted = gains.proportional * error + gains.derivative * self._rate + self._integral
-        limit = gains.current_limit
-        if wanted > limit:
-            return limit
-        if wanted < -limit:
-            return -limit
-        self._integral += gains.integral * error * self.period
-        return wanted
 
 
 FREE_SPEED = 2.0

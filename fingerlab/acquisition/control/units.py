@@ -15,6 +15,10 @@ if TYPE_CHECKING:
     from fingerlab.devices.protocol import Sample
 
 
+ROTOR_INERTIA = 2.6e-4
+"""kg m^2 at the output of a bench that names none: the RE40's rotor behind its gearbox (``default.toml``)."""
+
+
 @dataclass(frozen=True)
 class Line:
     """quantity = gain * volts + offset, in SI units.
@@ -38,7 +42,7 @@ class BenchUnits:
         counts_per_turn: encoder counts a turn of the gearbox output; negative where it counts backwards.
         amps_per_volt: current set value, A/V; negative where the motor turns backwards.
         low_volts, high_volts: range of the set value, V.
-        torque_per_amp: N m/A at the gearbox output. pulley_radius: m.
+        torque_per_amp: N m/A at the gearbox output. pulley_radius: m. inertia: kg m^2 there.
     """
 
     force: Line | None
@@ -51,6 +55,7 @@ class BenchUnits:
     high_volts: float
     torque_per_amp: float
     pulley_radius: float
+    inertia: float = ROTOR_INERTIA
 
     @classmethod
     def from_rig(cls, rig: Rig) -> BenchUnits:
@@ -71,6 +76,7 @@ class BenchUnits:
             daq.command.high,
             rig.motor.torque_constant * rig.motor.gear_ratio,
             rig.motor.pulley_radius or 0.015,
+            ROTOR_INERTIA if rig.motor.inertia is None else rig.motor.inertia,
         )
 
     @property

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from fingerlab.acquisition.bench.bench import Bench
-from fingerlab.acquisition.control.commands import (
+from fingerlab.acquisition.control.machine import (
     Approach,
     Command,
     Disable,
@@ -16,12 +16,12 @@ from fingerlab.acquisition.control.commands import (
     Finish,
     Initialise,
     Jog,
+    Mode,
     SetUp,
     Start,
     TakeUp,
     Tare,
 )
-from fingerlab.acquisition.control.machine import Mode
 from fingerlab.acquisition.control.motion import STOP_S
 from fingerlab.acquisition.control.trajectories import read_trajectory
 from fingerlab.acquisition.protocols.steps import (
@@ -38,12 +38,12 @@ from fingerlab.acquisition.protocols.steps import (
     lifting,
     plan_seconds,
 )
-from fingerlab.acquisition.record.recording import RunInfo
-from fingerlab.acquisition.record.trigger import Level, Lookout
+from fingerlab.acquisition.record.recording import Level, Lookout, RunInfo
 from fingerlab.acquisition.ring import COLUMN
 from fingerlab.acquisition.status import Number, Slot
 from fingerlab.core.errors import UserError
-from fingerlab.rig.intervention import INTERVENTION
+from fingerlab.rig.constants import INTERVENTION
+from fingerlab.sessions.recording_files import FEED_FORWARD
 
 LET_GO, LET_GO_SPEED = math.radians(2.0), math.radians(4.0)
 """rad, rad/s: by how much a cable that is tight is let go again (assumed: twice what moved the joints)."""
@@ -84,6 +84,8 @@ def run_to_record(
     if set_up.load_torque:
         start = max(start, status.run_start)
     further: dict[str, Any] = {"gains": gains_of(bench)}
+    if bench.board[Slot.HOLD] > 1:
+        further |= {"cycles_per_command": bench.board[Slot.HOLD], FEED_FORWARD: 0.0}
     if at > start:
         further["pre_trigger_s"] = (at - start) / bench.rate_hz
     if status.run_active and status.run_start != start:

@@ -5,15 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import product
 from typing import Any, Protocol
 
 import numpy as np
 
-from fingerlab.acquisition.control.commands import SetUp, Start
+from fingerlab.acquisition.control.machine import SetUp, Start
 from fingerlab.acquisition.control.motion import STOP_S
 from fingerlab.acquisition.control.trajectories import read_trajectory
 from fingerlab.core.errors import UserError
-from fingerlab.rig.intervention import INTERVENTION, read_intervention
+from fingerlab.rig.constants import INTERVENTION, read_intervention
 
 REST_S = 2.0
 """Rest between runs (assumed): the spring finger has come to rest."""
@@ -257,14 +258,13 @@ def own_runs(
     )
 
 
-def scan_runs(motion: Mapping[str, Any], name: str, first: float, last: float, count: int) -> list[OwnRun]:
-    """Runs of a motion on air, of which one number goes from ``first`` to ``last`` in ``count`` equal steps.
+def scan_runs(motion: Mapping[str, Any], scans: Mapping[str, Sequence[float]]) -> list[OwnRun]:
+    """Runs of a motion on air over a grid: every value of each number with every one of the others.
 
     Raises:
         UserError: one of them is no motion.
     """
-    values = [round(float(value), 4) for value in np.linspace(first, last, count)]
-    motions = [{**motion, name: value} for value in values]
+    motions = [{**motion, **dict(zip(scans, values, strict=True))} for values in product(*scans.values())]
     for one in motions:
         read_trajectory(one)
     return [OwnRun("on_air", "extension", one) for one in motions]

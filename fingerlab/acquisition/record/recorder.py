@@ -3,7 +3,7 @@
 It runs in a process of its own (``bench/processes.py``): a stalled disk then holds up neither the control
 loop nor the window, a crash of the window loses no sample, and a crash inside HDF5 (as by a full disk)
 takes nothing with it but what was not yet flushed. On a virtual clock the same object is polled by hand
-(``bench/inline.py``).
+(``bench/process_bench.py``).
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from fingerlab.acquisition.ring import COLUMN, Array, Ring, RingReader, RowFlag
 from fingerlab.acquisition.status import Number, SharedStatus, Slot, Text
 from fingerlab.core.errors import Cancelled, UserError
 from fingerlab.core.progress import Progress
-from fingerlab.sessions.format import FINGER_PHASES
+from fingerlab.sessions.model import FINGER_PHASES
 from fingerlab.sessions.recording_files import (
     CLEAN,
     CLOSED,
@@ -284,6 +284,7 @@ class Recorder:
         run.waiting += len(rows)
         if run.waiting >= FLUSH_S * run.info.sample_rate_hz:
             run.writer.set_counts(run.dropped, run.late)
+            run.writer.set_feed_forward(self._board.number(Number.FEED_FORWARD))
             run.writer.flush()
             run.waiting = 0
             self._board[Slot.FLUSHED] = run.writer.length
@@ -298,6 +299,7 @@ class Recorder:
         complete = not note and (wanted is None or run.next >= wanted)
         ended = TRUNCATED if note else LOSSY if run.dropped else CLEAN
         run.writer.set_counts(run.dropped, run.late)
+        run.writer.set_feed_forward(self._board.number(Number.FEED_FORWARD))
         run.writer.finish(ended, note or run.lossy_note, complete)
         path = run.writer.path
         self._board.set_text(Text.RUN, run.verdict(len(self._done) + 1))

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from fingerlab.devices.clock import Clock, LatenessMeter, RealClock
 from fingerlab.devices.ni.connection import (
     SAMPLES_NOT_YET_AVAILABLE,
     UNSUPPORTED,
@@ -18,9 +17,8 @@ from fingerlab.devices.ni.connection import (
     code_of,
     translated,
 )
-from fingerlab.devices.ni.stopping import ReadyStop, write_safe
-from fingerlab.devices.ni.tasks import Tasks, packed, signed_counts
-from fingerlab.devices.protocol import DeviceFault, DeviceLost, Sample
+from fingerlab.devices.ni.tasks import ReadyStop, Tasks, packed, signed_counts, write_safe
+from fingerlab.devices.protocol import Clock, DeviceFault, DeviceLost, LatenessMeter, RealClock, Sample
 from fingerlab.rig.constants import Rig
 from fingerlab.rig.daq import SafetyLines
 
@@ -68,6 +66,11 @@ class NiCard:
     def cycles_per_command(self) -> int:
         """1 in single-point mode, else the samples of a block; known once the card is open."""
         return 1 if self._single_point else self._daq.block
+
+    @property
+    def command_is_due(self) -> bool:
+        """Whether the next exchange writes its command: in single-point mode always, else after a block."""
+        return not self._waiting
 
     @property
     def counted_on(self) -> bool:

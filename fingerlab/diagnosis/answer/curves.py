@@ -15,7 +15,7 @@ from fingerlab.diagnosis.answer.results import (
     Failure,
     Fingerprint,
 )
-from fingerlab.diagnosis.equations.coefficients import CABLE_NAMES
+from fingerlab.diagnosis.equations.columns import CABLE_NAMES
 from fingerlab.diagnosis.equations.features import FORCE, BoolArray
 from fingerlab.diagnosis.fit.noise import floor_covariance
 from fingerlab.diagnosis.gram.decimation import Decimated, counted
@@ -27,7 +27,7 @@ from fingerlab.diagnosis.signals.conditions import GroupKey, group_key
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE, decimate
 from fingerlab.diagnosis.signals.scales import SI, Scales
 from fingerlab.effects.base import COORDINATE_UNITS, Effect, Row
-from fingerlab.effects.transmission import winding_state
+from fingerlab.effects.joints import winding_state
 from fingerlab.physics import nominal
 from fingerlab.physics.motion import Motion
 from fingerlab.sessions.model import Array, Run, Session

@@ -25,8 +25,7 @@ from fingerlab.effects.base import Effect, Gain, Row, Scale
 from fingerlab.effects.contact_compliance import SIDEWAYS_STIFFNESSES
 from fingerlab.effects.joints import lateral_levers
 from fingerlab.physics import nominal
-from fingerlab.physics.motion import Motion
-from fingerlab.physics.tip import dragged_tip, pressed, tip_depth, tip_reach, while_pressed
+from fingerlab.physics.motion import Motion, dragged_tip, pressed, tip_depth, tip_reach, while_pressed
 from fingerlab.rig.constants import Finger, Rig
 from fingerlab.sessions.model import Array
 
@@ -66,6 +65,17 @@ class Pick:
         """Their signals, each once, (n,), and the place of every feature's among them, (k,)."""
         signals, place = np.unique(self.signals, return_inverse=True)
         return signals, place
+
+    @cached_property
+    def _places(self) -> dict[int, IntArray]:
+        return {}
+
+    def among(self, products: Array) -> Array:
+        """Their products, (k, k), of those of all signals, (signals, signals)."""
+        size = len(products)
+        if size not in self._places:
+            self._places[size] = self.signals[:, None] * size + self.signals
+        return np.asarray(products.take(self._places[size]))
 
     def __getitem__(self, chosen: Any) -> Pick:
         return Pick(self.signals[chosen], self.rows[chosen])

@@ -22,7 +22,7 @@ import numpy as np
 from fingerlab.diagnosis.equations.features import NO_SHIFT, BoolArray, IntArray, Layout
 from fingerlab.diagnosis.equations.model import Model
 from fingerlab.diagnosis.equations.parameters import RUBS, SLIPS
-from fingerlab.diagnosis.gram.state_law import left_out_variance
+from fingerlab.diagnosis.gram.runs import left_out_variance
 from fingerlab.diagnosis.gram.sums import Group, Reduced
 from fingerlab.diagnosis.settings import (
     LEAST_DEPTH_SPREAD_M,
@@ -182,7 +182,7 @@ def noise_covariance(model: Model, values: Array, group: Group) -> Array:
     """Covariance (5, 5) of what does not repeat in the equations' residuals, of one sample."""
     if not group.repeats:
         return row_covariance(model, values, group, group.whole.of(model.pick), group.samples)
-    return row_covariance(model, values, group, group.noise[model.pick.square], group.noise_samples)
+    return row_covariance(model, values, group, model.pick.among(group.noise), group.noise_samples)
 
 
 def floor_covariance(model: Model, values: Array, group: Group, weights: Array) -> Array:

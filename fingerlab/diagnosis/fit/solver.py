@@ -16,8 +16,8 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from fingerlab.diagnosis.equations.coefficients import CABLE_NAMES, DELAY
-from fingerlab.diagnosis.equations.features import NO_SHIFT, BoolArray, Layout
+from fingerlab.diagnosis.equations.columns import CABLE_NAMES, DELAY
+from fingerlab.diagnosis.equations.features import NO_SHIFT, BoolArray, IntArray, Layout
 from fingerlab.diagnosis.equations.model import Model
 from fingerlab.diagnosis.equations.parameters import ARMS, CHANGED_OFFSET, LOSSES, TORQUE_ZERO
 from fingerlab.diagnosis.fit.weights import (
@@ -30,8 +30,7 @@ from fingerlab.diagnosis.fit.weights import (
     own_to_a_run,
     temperature,
 )
-from fingerlab.diagnosis.gram.run_constants import taken_up
-from fingerlab.diagnosis.gram.sums import Group, Sums
+from fingerlab.diagnosis.gram.sums import Group, Sums, taken_up
 from fingerlab.diagnosis.settings import (
     LEAST_GAIN,
     LEAST_GAIN_SHARE,
@@ -168,6 +167,19 @@ class LeftOut:
     free: BoolArray
 
 
+@dataclass(frozen=True)
+class Own:
+    """What runs of one condition have of their own.
+
+    Attributes:
+        parts: what one standard deviation of each adds to the features, (k, parts).
+        folds: numbers of the folds that hold these runs, in order.
+    """
+
+    parts: Array
+    folds: IntArray
+
+
 class Fitter:
     """Fits one model; keeps the weighted Gram matrices that all its iterations share."""
 
@@ -175,17 +187,17 @@ class Fitter:
         self.model = model
         self.data = data
         self.weights = weights
-        self._gathered: dict[tuple[int, FoldNumbers | None], Gathered] = {}
         self._parts: dict[tuple[int, FoldNumbers | None], Weighted] = {}
+        self._folds: dict[int, Weighted] = {}
         self._stacked: Weighted | None = None
         self._cables = tuple(g.cable_sign for g in data.groups)
-        self._whole: tuple[Array, tuple[Array, Array], tuple[Array, Array]] | None = None
+        self._whole: tuple[Array, list[tuple[Array, Array]], tuple[Array, Array]] | None = None
         self.sticks = bool(model.sticking) and any(g.whole.rest is not None for g in data.groups)
         self.widening = 0.0  # see Data.held, all groups together
         self._held: list[Array | None] = [None] * len(data.groups)
         self.wanders = bool(model.wandering) or bool(model.set_down.any())
-        self._own: dict[int, dict[int, Array]] = {}  # parts that a run has of its own, by group and fold
-        self._taken_up: dict[tuple[int, int], Weighted] = {}
+        self._own: dict[int, list[Own]] = {}  # by group
+        self._taken_up: dict[int, tuple[IntArray, Weighted]] = {}
         self._still: dict[int, Array] = {}
         self._weight: dict[int, Array] = {}
         self._change: dict[int, Array] = {}
@@ -199,16 +211,15 @@ class Fitter:
         found = []
         for i in range(len(self.data.groups)):
             whole = self.part(i, None)
-            taken = [self._of_the_run(i, k) for k in self._own.get(i, ())]
-            found.append(
-                Weighted(
-                    whole.curvature - sum(one.curvature for one in taken),
-                    whole.matrix - sum(one.matrix for one in taken),
+            if i in self._own:
+                taken = self._of_the_runs(i)[1]
+                whole = Weighted(
+                    whole.curvature - taken.curvature.sum(axis=0), whole.matrix - taken.matrix.sum(axis=0)
                 )
-            )
+            found.append(whole)
         return found
 
-    def _weighed(self, own: dict[int, dict[int, Array]], told: Array) -> dict[int, dict[int, Array]]:
+    def _weighed(self, own: dict[int, list[Own]], told: Array) -> dict[int, list[Own]]:
         """The runs' own parts, the smaller the more the model leaves all the same.
 
         What weighs less than its face value must not be bought with a friction of each run's own.
@@ -216,27 +227,32 @@ class Fitter:
         groups = self.data.groups
         left = sum(float(h @ sums.matrix @ h) for h, sums in zip(told, self.sums, strict=True))
         heat = temperature(left, EFFECTIVE_SHARE * sum(g.equations * g.samples for g in groups))
-        return {i: {k: part / np.sqrt(heat) for k, part in parts.items()} for i, parts in own.items()}
+        return {i: [Own(one.parts / np.sqrt(heat), one.folds) for one in each] for i, each in own.items()}
 
-    def _of_the_run(self, i: int, k: int) -> Weighted:
-        """What of the products of fold ``k`` the run's own share of the features takes up, (k, k) each.
+    def _of_the_runs(self, i: int) -> tuple[IntArray, Weighted]:
+        """Folds of group ``i`` whose runs have parts of their own, (n,), and what those take up, (n, k, k).
 
         It is integrated out as a Gaussian: what is one run's friction alone tells nothing of the others.
         """
-        if (i, k) not in self._taken_up:
-            sums, own = self.part(i, (k,)), self._own[i][k]
-            curved, pulled = sums.curvature @ own, sums.matrix @ own
-            inverse = np.linalg.inv(own.T @ curved + np.eye(own.shape[1]))
-            self._taken_up[i, k] = Weighted(curved @ inverse @ curved.T, pulled @ inverse @ pulled.T)
-        return self._taken_up[i, k]
+        if i not in self._taken_up:
+            own, sums = self._own[i], self.folds(i)
+            each = [_taken_up_by(one.parts, sums[one.folds]) for one in own]
+            numbers = np.concatenate([one.folds for one in own])
+            order = np.argsort(numbers)
+            curvature, matrix = (np.concatenate(parts)[order] for parts in zip(*each, strict=True))
+            self._taken_up[i] = numbers[order], Weighted(curvature, matrix)
+        return self._taken_up[i]
 
-    def _seen(self, i: int, k: int) -> Weighted:
-        """Weighted products over fold ``k`` as they count in those of the group."""
-        sums = self.part(i, (k,))
-        if k not in self._own.get(i, ()):
+    def _seen(self, i: int) -> Weighted:
+        """Weighted products over every fold as they count in those of the group, (folds, k, k)."""
+        sums = self.folds(i)
+        if i not in self._own:
             return sums
-        taken = self._of_the_run(i, k)
-        return Weighted(sums.curvature - taken.curvature, sums.matrix - taken.matrix)
+        numbers, taken = self._of_the_runs(i)
+        seen = Weighted(sums.curvature.copy(), sums.matrix.copy())
+        seen.curvature[numbers] -= taken.curvature
+        seen.matrix[numbers] -= taken.matrix
+        return seen
 
     def stacked(self) -> Weighted:
         """The same for all groups together, (groups, k, k)."""
@@ -249,17 +265,34 @@ class Fitter:
 
     def part(self, i: int, part: FoldNumbers | None) -> Weighted:
         """Weighted products over group ``i``, or over some of its folds."""
+        if part is not None and len(part) == 1 and len(self.data.groups[i].folds) > 1:
+            return self.folds(i)[part[0]]
         if (i, part) not in self._parts:
-            if i not in self._weight:
-                self._weight[i] = self._of_products(self.weights[self.data.groups[i].key])
-            if (i, part) not in self._gathered:
-                self._gathered[i, part] = self.data.gathered(i, part, self.model)
-            less = partial(self._less, i)
-            found = self.data.weighted(self._gathered[i, part], self.model, self._weight[i], less)
+            found = self._weighted(i, self.data.gathered(i, part, self.model))
             if self.data.constants is not None:
                 found = self._without_constants(found, i, part)
             self._parts[i, part] = found
         return self._parts[i, part]
+
+    def folds(self, i: int) -> Weighted:
+        """The same over each of the folds of group ``i``, (folds, k, k)."""
+        if i not in self._folds:
+            count = len(self.data.groups[i].folds)
+            if count == 1:
+                self._folds[i] = self.part(i, None)[None]
+                return self._folds[i]
+            found = self._weighted(i, self.data.gathered_folds(i, self.model))
+            if self.data.constants is not None:
+                each = [self._without_constants(found[k], i, (k,)) for k in range(count)]
+                found = Weighted(np.stack([s.curvature for s in each]), np.stack([s.matrix for s in each]))
+            self._folds[i] = found
+        return self._folds[i]
+
+    def _weighted(self, i: int, gathered: Gathered) -> Weighted:
+        """What was gathered in group ``i``, weighted."""
+        if i not in self._weight:
+            self._weight[i] = self._of_products(self.weights[self.data.groups[i].key])
+        return self.data.weighted(gathered, self.model, self._weight[i], partial(self._less, i))
 
     def _without_constants(self, found: Weighted, i: int, part: FoldNumbers | None) -> Weighted:
         """The same with the runs' own constants integrated out."""
@@ -305,35 +338,42 @@ class Fitter:
             ]
             self._held = [None if one is None else one[0] for one in found]
             self.widening = sum(one[1] for one in found if one is not None)
-            self._parts.clear()
-            self._change.clear()
+            resting = {i for i, one in enumerate(found) if one is not None}  # others are weighed as before
+            self._parts = {key: one for key, one in self._parts.items() if key[0] not in resting}
+            self._folds = {i: one for i, one in self._folds.items() if i not in resting}
+            self._change = {i: one for i, one in self._change.items() if i not in resting}
         if self.wanders and apart:
             self._own = self._own_parts(values, told, trusted)
             if not trusted:
                 self._own = self._weighed(self._own, told)
                 self._taken_up.clear()
 
-    def _own_parts(self, values: Array, told: Array, every: bool) -> dict[int, dict[int, Array]]:
-        """Parts that the runs have of their own, (k, parts) by group and fold.
+    def _own_parts(self, values: Array, told: Array, every: bool) -> dict[int, list[Own]]:
+        """What the runs have of their own, by group; no group is there without any.
 
         Unless ``every`` run's are wanted, not where one would have to be beyond what is plausible: a friction
         that differs more from run to run follows something that the model lacks.
         """
-        result: dict[int, dict[int, Array]] = {}
+        result: dict[int, list[Own]] = {}
         for i, group in enumerate(self.data.groups):
-            each = {c: own_to_a_run(self.model, values, told[i], group, c) for c in group.conditions}
-            for k, fold in enumerate(group.dealt):
-                own = each[fold.condition]
-                if own.shape[1] and (every or self._is_plausible(i, k, own, told[i])):
-                    result.setdefault(i, {})[k] = own
+            for condition in group.conditions:
+                parts = own_to_a_run(self.model, values, told[i], group, condition)
+                folds = np.array(group.of_condition(condition))
+                if parts.shape[1] and not every:
+                    folds = folds[self._are_plausible(self.folds(i)[folds], parts, told[i])]
+                if parts.shape[1] and len(folds):
+                    result.setdefault(i, []).append(Own(parts, folds))
         return result
 
-    def _is_plausible(self, i: int, k: int, own: Array, told: Array) -> bool:
-        """Whether the run of fold ``k`` would differ by no more of its own parts than runs do."""
-        sums = self.part(i, (k,))
+    def _are_plausible(self, sums: Weighted, own: Array, told: Array) -> BoolArray:
+        """Whether the run of each fold would differ by no more of its own parts than runs do, (folds,)."""
         stiffness = own.T @ sums.curvature @ own + np.eye(own.shape[1])
-        found = np.linalg.solve(stiffness, own.T @ sums.matrix @ told)
-        return bool(np.abs(found).max() <= MOST_WANDER)
+        found = np.linalg.solve(stiffness, (own.T @ sums.matrix @ told)[:, :, None])
+        return np.asarray(np.abs(found).max(axis=(1, 2)) <= MOST_WANDER)
+
+    def coefficients(self, values: Array) -> tuple[Array, Array]:
+        """Of the model's features for every group, (groups, k), with their derivatives, (groups, k, p)."""
+        return self.model.coefficients_of(values, self._cables)
 
     def cost(self, values: Array) -> float:
         """Minus twice the log posterior, up to a constant."""
@@ -428,15 +468,22 @@ class Fitter:
         A group of which nothing would be left stays in.
         """
         if self._whole is None or not np.array_equal(self._whole[0], values):
-            coefficients = self.model.coefficients_of(values, self._cables)
-            self._whole = (values, coefficients, self.normal_equations(values))
-        _, (features, jacobians), (gradient, information) = self._whole
-        for i, group in enumerate(self.data.groups):
+            features, jacobians = self.coefficients(values)
+            each = [self._seen(i) for i in range(len(self.data.groups))]
+            pulls = [
+                ((h @ sums.matrix)[:, None] @ jacobian)[:, 0]
+                for h, jacobian, sums in zip(features, jacobians, each, strict=True)
+            ]
+            bends = [
+                jacobian.T @ (sums.curvature @ jacobian)
+                for jacobian, sums in zip(jacobians, each, strict=True)
+            ]
+            self._whole = values, list(zip(pulls, bends, strict=True)), self.normal_equations(values)
+        _, folds, (gradient, information) = self._whole
+        for group, (pull, bend) in zip(self.data.groups, folds, strict=True):
             for k in group.of_turn(turn):
-                fold = self._seen(i, k)
-                h, jacobian = features[i], jacobians[i]
-                gradient = gradient - (h @ fold.matrix) @ jacobian
-                information = information - jacobian.T @ (fold.curvature @ jacobian)
+                gradient = gradient - pull[k]
+                information = information - bend[k]
         if np.any(np.diag(information) < self._stiffness):
             # What runs have of their own is not quite the same without the others; the prior stays.
             information = information.copy()
@@ -464,11 +511,18 @@ class Fitter:
             pull, hold = self.model.tie.expansion(values)
             gradient, information = gradient + pull, information + hold
         sums = self.stacked()
-        h, jacobian = self.model.coefficients_of(values, self._cables)
+        h, jacobian = self.coefficients(values)
         across = jacobian.reshape(-1, len(values)).T
         slopes = (sums.matrix @ jacobian).reshape(-1, len(values))
         bent = (sums.curvature @ jacobian).reshape(-1, len(values))
         return gradient + h.reshape(-1) @ slopes, information + across @ bent, information + across @ slopes
+
+
+def _taken_up_by(own: Array, sums: Weighted) -> tuple[Array, Array]:
+    """What own parts, (k, parts), take up of curvature and matrix over some folds, (folds, k, k) each."""
+    curved, pulled = sums.curvature @ own, sums.matrix @ own
+    inverse = np.linalg.inv(own.T @ curved + np.eye(own.shape[1]))
+    return curved @ inverse @ curved.transpose(0, 2, 1), pulled @ inverse @ pulled.transpose(0, 2, 1)
 
 
 def bounded_step(values: Array, gradient: Array, information: Array, low: Array, high: Array) -> Array:
@@ -483,7 +537,16 @@ def bounded_step(values: Array, gradient: Array, information: Array, low: Array,
     step = np.zeros(len(values))
     # What stands at a bound and is pushed outwards starts fixed; it is let go below if that was wrong.
     fixed = ((floor > -1e-12) & (slope > 0)) | ((ceiling < 1e-12) & (slope < 0))
-    for _ in range(6 * len(values)):
+    most, known, reached = 6 * len(values), dict[bytes, int](), list[Array]()
+    for done in range(most):
+        # Where the curvature is that of no minimum it goes in circles: the rest of its turns are known.
+        state = step.tobytes() + fixed.tobytes()
+        if state in known:
+            first = known[state]
+            step = reached[first + (most - first) % (done - first)]
+            break
+        known[state] = done
+        reached.append(step)
         free = np.flatnonzero(~fixed)
         target = step.copy()
         if len(free):
@@ -519,15 +582,20 @@ def _pivoted(matrix: Array, slope: Array, floor: Array, ceiling: Array) -> Array
     """
     at_floor = floor > -1e-12
     at_ceiling = (ceiling < 1e-12) & ~at_floor
-    fewest = len(slope) + 1
+    fewest, known = len(slope) + 1, set[tuple[bytes, bytes, int]]()
     for _ in range(PIVOTING_ROUNDS):
+        state = at_floor.tobytes(), at_ceiling.tobytes(), fewest
+        if state in known:  # in circles all the same: the curvature is that of no minimum
+            return None
+        known.add(state)
         step = np.where(at_floor, floor, 0.0)
         step[at_ceiling] = ceiling[at_ceiling]
         held = at_floor | at_ceiling
         free = (~held).nonzero()[0]
         if len(free):
             rest = slope + matrix @ step
-            step[free] = np.linalg.solve(matrix[free[:, None], free], -rest[free])
+            among = matrix.take(free[:, None] * len(slope) + free)
+            step[free] = np.linalg.solve(among, -rest[free])
         pull = slope + matrix @ step
         now_floor = (at_floor & (pull > -1e-6)) | (~held & (step < floor - 1e-12))
         now_ceiling = (at_ceiling & (pull < 1e-6)) | (~held & (step > ceiling + 1e-12))

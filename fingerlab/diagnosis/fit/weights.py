@@ -7,9 +7,11 @@ down.
 
 from __future__ import annotations
 
+from collections import OrderedDict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -23,12 +25,12 @@ from fingerlab.diagnosis.fit.noise import (
     log_widening,
     noise_of_a_sample,
 )
-from fingerlab.diagnosis.gram.run_constants import Offsets, RunConstants, RunTotals
-from fingerlab.diagnosis.gram.sums import Group, Sums, total
+from fingerlab.diagnosis.gram.sums import Group, Offsets, RunConstants, RunTotals, Sums, total
 from fingerlab.diagnosis.settings import (
     CORRELATED_VALUES,
     HELD_SHARE,
     LEAST_REPEATS,
+    MOST_FOLD_BYTES,
     SET_DOWN_N,
     SLACK_SPREAD_M,
     WANDER,
@@ -58,7 +60,7 @@ def _change(before: Array, after: Array) -> float:
 
 @dataclass(frozen=True)
 class Weighted:
-    """Weighted products of a model's features, (k, k) each.
+    """Weighted products of a model's features, (k, k) each, or (folds, k, k).
 
     ``curvature`` holds noise, so that it is positive; ``matrix`` does not: it gives cost and gradient.
     """
@@ -66,10 +68,14 @@ class Weighted:
     curvature: Array
     matrix: Array
 
+    def __getitem__(self, fold: Any) -> Weighted:
+        """Of one or more of several folds."""
+        return Weighted(self.curvature[fold], self.matrix[fold])
+
 
 @dataclass(frozen=True)
 class Gathered:
-    """Products of a model's features in one group or fold, (k, k) each: see :class:`Sums`.
+    """Products of a model's features in a group, (k, k) each, or its folds, (folds, k, k): see :class:`Sums`.
 
     All samples with noise and without, those at rest with noise and without, and those of a slack cable.
     """
@@ -79,6 +85,17 @@ class Gathered:
     still: Array | None
     quiet: Array | None
     slack: Array | None
+
+    def __getitem__(self, fold: int) -> Gathered:
+        """Of one of several folds."""
+        still, quiet, slack = (None if a is None else a[fold] for a in (self.still, self.quiet, self.slack))
+        return Gathered(self.raw[fold], self.clean[fold], still, quiet, slack)
+
+    @property
+    def bytes(self) -> int:
+        """That it takes."""
+        parts = (self.raw, self.clean, self.still, self.quiet, self.slack)
+        return sum(part.nbytes for part in parts if part is not None)
 
 
 class Data:
@@ -93,9 +110,11 @@ class Data:
         self.groups = groups
         self.constants = constants
         self._noise: dict[tuple[int, bytes], tuple[Array, Array]] = {}
-        self._kept: dict[tuple[int, int], tuple[Model, Gathered]] = {}
+        self._kept: dict[tuple[int, bytes], Gathered] = {}
+        self._folds: OrderedDict[tuple[int, bytes], Gathered] = OrderedDict()
+        self._folds_bytes = 0
         self._joined: dict[tuple[int, FoldNumbers], Sums] = {}
-        self._at_rest: dict[int, tuple[Array, Array, float]] = {}
+        self._at_rest: dict[int, tuple[bytes, Array, float]] = {}
 
     @property
     def count(self) -> float:
@@ -140,21 +159,45 @@ class Data:
     def gathered(self, i: int, part: FoldNumbers | None, model: Model) -> Gathered:
         """Products of the model's features; those over whole groups are kept: they are asked for often."""
         whole = part is None or len(part) == len(self.groups[i].folds)
-        known = self._kept.get((id(model), i)) if whole else None
-        if known is not None:
-            return known[1]
-        sums, pick = self.raw(i, part), model.pick
-        noise, taut_noise = self._noise_of(i, pick)
-        found = Gathered(
-            sums.of(pick),
-            sums.of(pick, noise, taut_noise),
-            sums.at_rest(pick),
-            sums.at_rest(pick, noise),
-            sums.slack(pick),
-        )
-        if whole:
-            self._kept[id(model), i] = model, found  # with the model, so that its identity stays its own
+        key = i, model.active.tobytes()
+        if not whole:
+            return self._gathered(i, [self.raw(i, part)], model.pick)[0]
+        if key not in self._kept:
+            self._kept[key] = self._gathered(i, [self.raw(i, part)], model.pick)[0]
+        return self._kept[key]
+
+    def gathered_folds(self, i: int, model: Model) -> Gathered:
+        """The same for every fold of a group, (folds, k, k); kept for the models that were asked for last."""
+        key = i, model.active.tobytes()
+        found = self._folds.pop(key, None)
+        if found is None:
+            found = self._gathered(i, self.groups[i].folds, model.pick)
+            self._folds_bytes += found.bytes
+        self._folds[key] = found
+        while self._folds_bytes > MOST_FOLD_BYTES and len(self._folds) > 1:
+            self._folds_bytes -= self._folds.popitem(last=False)[1].bytes
         return found
+
+    def _gathered(self, i: int, parts: Sequence[Sums], pick: Pick) -> Gathered:
+        """Of several parts of group ``i``, (parts, k, k)."""
+        noise, taut_noise = self._noise_of(i, pick)
+        raw = _of_each(pick, [part.products for part in parts])
+        loose = _of_each(pick, [part.loose for part in parts])
+        still = _of_each(pick, [part.rest for part in parts])
+        assert raw is not None
+        if loose is not None:
+            raw -= loose * pick.in_cable
+        samples, taut, rest = (
+            np.array(counts)[:, None, None]
+            for counts in zip(*((p.samples, p.taut_samples, p.rest_samples) for p in parts), strict=True)
+        )
+        return Gathered(
+            raw,
+            raw - np.where(pick.in_cable, taut * taut_noise, samples * noise),
+            still,
+            None if still is None else still - rest * noise,
+            None if loose is None else loose * pick.both_cable,
+        )
 
     def _noise_of(self, i: int, pick: Pick) -> tuple[Array, Array]:
         """What noise adds to the features' products at one sample of a group and at a taut one, (k, k)."""
@@ -210,11 +253,11 @@ class Data:
         return self._standing(i, weights)[0]
 
     def _standing(self, i: int, weights: Array) -> tuple[Array, float]:
-        """The same, and the log widening that goes with it; kept while the weights stay the same array."""
-        known = self._at_rest.get(i)
-        if known is None or known[0] is not weights:
+        """The same, and the log widening that goes with it; kept while the weights stay the same."""
+        key, known = weights.tobytes(), self._at_rest.get(i)
+        if known is None or known[0] != key:
             spread = encoder_spread(self.groups[i].encoder_variance)
-            known = weights, change_of_weight(weights, spread), log_widening(weights, spread)
+            known = key, change_of_weight(weights, spread), log_widening(weights, spread)
             self._at_rest[i] = known
         return known[1:]
 
@@ -240,6 +283,17 @@ class Data:
         change = change_of_weight(weights, spread + own) - usual
         widening = log_widening(weights, spread + own) - wide
         return change, EFFECTIVE_SHARE * group.whole.rest_samples * widening
+
+
+def _of_each(pick: Pick, products: Sequence[Array | None]) -> Array | None:
+    """Products of the features in every part, (parts, k, k), zero where a part has none; None: none has."""
+    if all(one is None for one in products):
+        return None
+    found = np.zeros((len(products), len(pick.rows), len(pick.rows)))
+    for place, one in zip(found, products, strict=True):
+        if one is not None:
+            place[:] = pick.among(one)
+    return found
 
 
 def feature_weights(weights: Array, rows: IntArray) -> Array:

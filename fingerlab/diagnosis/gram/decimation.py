@@ -34,7 +34,7 @@ from fingerlab.diagnosis.signals.filters import (
     padded_length,
 )
 from fingerlab.effects.base import Effect, Shape
-from fingerlab.effects.transmission import DRIVE, driven_tension
+from fingerlab.effects.joints import DRIVE, driven_tension
 from fingerlab.physics.motion import Motion
 from fingerlab.sessions.model import Array, Run
 from fingerlab.sessions.trajectory import found_frequency, told_frequency

@@ -30,7 +30,7 @@ def paired_misfit(fitted: FittedModel, pair: PairSums, group: Group) -> tuple[fl
     square = float(told @ (pair.difference.of(pick, noise_of_a_sample(group, pick.square)) * weights) @ told)
     own = own_to_a_run(model, values, told, group)
     if own.shape[1]:
-        across, mean = (products[pick.square] * weights for products in (pair.across, pair.mean))
+        across, mean = (pick.among(products) * weights for products in (pair.across, pair.mean))
         pull = told @ across @ own
         square -= float(pull @ np.linalg.solve(own.T @ mean @ own + np.eye(own.shape[1]), pull))
     return square, EFFECTIVE_SHARE * group.equations * pair.difference.samples

@@ -17,7 +17,7 @@ import numpy as np
 
 from fingerlab.core.errors import UserError
 from fingerlab.diagnosis.settings import FOLDS, MOST_CHANGES, MOST_FOLDS, SAME_DIFFERENCE, SAME_SHARE
-from fingerlab.rig.intervention import INTERVENTION, UNCHANGED, Intervention, intervention_of
+from fingerlab.rig.constants import INTERVENTION, UNCHANGED, Intervention, intervention_of
 from fingerlab.sessions.model import Run, Session
 
 CHANGE = "number of the change"

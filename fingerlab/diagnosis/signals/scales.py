@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from fingerlab.core.units import FACTORS
+from fingerlab.core.text import FACTORS
 from fingerlab.diagnosis.settings import (
     BAND_OVER_HALF,
     LEAST_RATE_HZ,
@@ -33,11 +33,9 @@ from fingerlab.diagnosis.settings import (
 )
 from fingerlab.physics.motion import Motion
 from fingerlab.physics.nominal import JointMotion
-from fingerlab.rig.constants import Finger, Motor, Rig
+from fingerlab.rig.constants import UNITS, Finger, Intervention, Motor, Rig, intervention_of
 from fingerlab.rig.file import CONSTANT_UNITS
-from fingerlab.rig.intervention import UNITS, Intervention, intervention_of
-from fingerlab.sessions.format import CHANNEL_UNITS
-from fingerlab.sessions.model import Array, ChannelReader, Run, Session
+from fingerlab.sessions.model import CHANNEL_UNITS, Array, ChannelReader, Run, Session
 from fingerlab.sessions.trajectory import told_frequency
 
 _POWERS = {

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from fingerlab.core.catalogue import found_in
 from fingerlab.core.errors import UserError
+from fingerlab.core.trust import found_in
 from fingerlab.physics.parameter import Parameter
 from fingerlab.twin.plant import Plant, PlantEffect, Values
 

@@ -1,7 +1,6 @@
 """Motor and gearbox rub more in one direction than in the other."""
 
-from fingerlab.twin.layout import MOTOR
-from fingerlab.twin.plant import DRIVE, GEAR_WIND_UP, Plant, PlantEffect, Values, constant
+from fingerlab.twin.plant import DRIVE, GEAR_WIND_UP, MOTOR, Plant, PlantEffect, Values, constant
 
 
 def apply(bench: Plant, v: Values) -> None:

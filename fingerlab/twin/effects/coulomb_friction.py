@@ -1,7 +1,6 @@
 """Both hinges rub: a spring-slider that truly sticks."""
 
-from fingerlab.twin.layout import MCP, PIP
-from fingerlab.twin.plant import FINGER, RATIO, WIND_UP, Plant, PlantEffect, Values, constant, dry
+from fingerlab.twin.plant import FINGER, MCP, PIP, RATIO, WIND_UP, Plant, PlantEffect, Values, constant, dry
 
 
 def apply(bench: Plant, v: Values) -> None:

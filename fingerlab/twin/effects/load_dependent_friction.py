@@ -1,7 +1,6 @@
 """Tooth friction: a share of the torque transmitted is lost in either direction."""
 
-from fingerlab.twin.layout import MOTOR
-from fingerlab.twin.plant import DRIVE, GEAR_WIND_UP, Plant, PlantEffect, Values, constant
+from fingerlab.twin.plant import DRIVE, GEAR_WIND_UP, MOTOR, Plant, PlantEffect, Values, constant
 
 
 def apply(bench: Plant, v: Values) -> None:

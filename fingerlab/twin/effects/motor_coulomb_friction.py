@@ -1,7 +1,6 @@
 """Motor and gearbox rub."""
 
-from fingerlab.twin.layout import MOTOR
-from fingerlab.twin.plant import DRIVE, GEAR_WIND_UP, Plant, PlantEffect, Values, constant, dry
+from fingerlab.twin.plant import DRIVE, GEAR_WIND_UP, MOTOR, Plant, PlantEffect, Values, constant, dry
 
 
 def apply(bench: Plant, v: Values) -> None:

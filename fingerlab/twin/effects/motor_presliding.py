@@ -1,7 +1,6 @@
 """Seals of motor and gearbox: friction that builds up over degrees."""
 
-from fingerlab.twin.layout import MOTOR
-from fingerlab.twin.plant import DRIVE, Plant, PlantEffect, Values, constant, spread
+from fingerlab.twin.plant import DRIVE, MOTOR, Plant, PlantEffect, Values, constant, spread
 
 
 def apply(bench: Plant, v: Values) -> None:

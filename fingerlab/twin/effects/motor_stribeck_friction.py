@@ -1,7 +1,15 @@
 """Motor and gearbox rub, and break away harder than they slide."""
 
-from fingerlab.twin.layout import MOTOR
-from fingerlab.twin.plant import DRIVE, GEAR_WIND_UP, Plant, PlantEffect, Values, breaking_away, constant
+from fingerlab.twin.plant import (
+    DRIVE,
+    GEAR_WIND_UP,
+    MOTOR,
+    Plant,
+    PlantEffect,
+    Values,
+    breaking_away,
+    constant,
+)
 
 
 def apply(bench: Plant, v: Values) -> None:

@@ -1,7 +1,6 @@
 """Soft seals in both hinges: friction that builds up over degrees (spring-sliders in a row)."""
 
-from fingerlab.twin.layout import MCP, PIP
-from fingerlab.twin.plant import FINGER, RATIO, Plant, PlantEffect, Values, constant, spread
+from fingerlab.twin.plant import FINGER, MCP, PIP, RATIO, Plant, PlantEffect, Values, constant, spread
 
 
 def apply(bench: Plant, v: Values) -> None:

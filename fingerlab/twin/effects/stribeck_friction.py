@@ -1,7 +1,17 @@
 """Both hinges rub, and break away harder than they slide."""
 
-from fingerlab.twin.layout import MCP, PIP
-from fingerlab.twin.plant import FINGER, RATIO, WIND_UP, Plant, PlantEffect, Values, breaking_away, constant
+from fingerlab.twin.plant import (
+    FINGER,
+    MCP,
+    PIP,
+    RATIO,
+    WIND_UP,
+    Plant,
+    PlantEffect,
+    Values,
+    breaking_away,
+    constant,
+)
 
 
 def apply(bench: Plant, v: Values) -> None:

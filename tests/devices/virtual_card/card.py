@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
-from fingerlab.devices.clock import VirtualClock
+from fingerlab.devices.protocol import VirtualClock
 
 SINGLE_POINT, CONTINUOUS = 12522, 10123
 DIGITAL = ("do", "di")

@@ -105,7 +105,7 @@ def test_stop_ends_a_protocol_that_waits_for_the_operator(rig: Rig, qtbot: QtBot
 
 
 def test_a_protocol_handed_over_is_chosen(rig: Rig) -> None:
-    from fingerlab.acquisition.control.commands import SetUp
+    from fingerlab.acquisition.control.machine import SetUp
 
     rig.window.show_tab("model_lab")
     sine = {"kind": "sine", "amplitude_deg": 5.0, "frequency_hz": 1.0, "duration_s": 3.0}
@@ -167,10 +167,27 @@ def test_a_dropped_table_is_the_trajectory(rig: Rig, tmp_path: Path) -> None:
 
 
 def test_a_stopped_protocol_goes_on_with_the_run_in_which_it_was_stopped(rig: Rig, qtbot: QtBot) -> None:
-    run_protocol(rig, qtbot, "own_scan", scan_from=0.5, scan_to=1.5, runs=3, seconds=2.0, rest=0.5)
+    form = rig.tab.panel.protocol
+    rig.click("byProtocol")
+    rig.choose("protocol", "own_scan")
+    fields = [
+        child(form, QLineEdit, f"scan_{name}") for name in ("frequency_hz", "amplitude_deg", "offset_deg")
+    ]
+    assert rig.label("protocolTotal").startswith("6 runs")
+    for typed, said in (("0.5 to 1", "Frequency is '0.5 to 1'; it should be a number"), ("", "Nothing is")):
+        fields[0].selectAll()
+        QTest.keyClicks(fields[0], typed) if typed else QTest.keyClick(fields[0], Qt.Key.Key_Delete)
+        assert rig.label("protocolTotal").startswith(said)
+    for field, typed in zip(fields, ("0.5 1.0", "5 to 10 in 2", "20 25 30"), strict=True):
+        QTest.keyClicks(field, typed)
+    assert rig.label("protocolTotal").startswith("12 runs")
+    for field, typed in zip(fields, ("0.5 1", "5 10", ""), strict=True):
+        field.selectAll()
+        QTest.keyClicks(field, typed) if typed else QTest.keyClick(field, Qt.Key.Key_Delete)
+    run_protocol(rig, qtbot, "own_scan", seconds=2.0, rest=0.5)
     QTest.mouseClick(rig.tab.prompt.button, LEFT)
     said = rig.tab.panel.left
-    qtbot.waitUntil(lambda: said.text().startswith("Run 2 of 3"), timeout=PATIENCE)
+    qtbot.waitUntil(lambda: said.text().startswith("Run 2 of 4"), timeout=PATIENCE)
     rig.key(Qt.Key.Key_Escape)
     qtbot.waitUntil(lambda: not rig.recording.in_protocol, timeout=PATIENCE)
     rig.wait_idle()
@@ -186,8 +203,9 @@ def test_a_stopped_protocol_goes_on_with_the_run_in_which_it_was_stopped(rig: Ri
     qtbot.waitUntil(lambda: len(rig.files()) == 2 and not rig.recording.in_protocol, timeout=PATIENCE)
     (second,) = set(rig.files()) - {first}
     runs = open_session(second).runs
-    assert [run.trajectory["frequency_hz"] for run in runs] == [1.0, 1.5]
-    assert [run.length for run in runs] == [2000, 2000]
+    asked = [(run.trajectory["frequency_hz"], run.trajectory["amplitude_deg"]) for run in runs]
+    assert asked == [(0.5, 10.0), (1.0, 5.0), (1.0, 10.0)]
+    assert [run.length for run in runs] == [2000, 2000, 2000]
     assert rig.tab.panel.protocol.first.value() == 1  # all are taken
 
 
@@ -211,9 +229,9 @@ def test_gains_are_changed_while_it_runs_and_marked(rig: Rig) -> None:
     rig.start()
     rig.click("record")
     rig.run(0.5)
-    rig.tab.panel.gains.numbers["proportional"].setValue(20.0)
+    rig.tab.panel.gains.numbers["proportional"].setValue(17.0)
     rig.run(0.5)
-    assert rig.tab.panel.gains.text() == "Gains: 20, 25, 0.25"
+    assert rig.tab.panel.gains.text() == "Gains: 17, 25, 0.25"
     rig.click("record")
     rig.run(0.2)
     (run,) = open_session(rig.write()).runs
@@ -221,7 +239,7 @@ def test_gains_are_changed_while_it_runs_and_marked(rig: Rig) -> None:
     assert (json.loads(told) if isinstance(told, str) else told)["proportional"] == 14.0  # as it began
     markers = run.attributes["markers"]
     (marker,) = json.loads(markers) if isinstance(markers, str) else markers
-    assert marker["note"] == "gains: 20, 25, 0.25"
+    assert marker["note"] == "gains: 17, 25, 0.25"
     assert 0.4 < marker["time"] < 0.7
 
 
