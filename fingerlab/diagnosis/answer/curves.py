@@ -121,7 +121,9 @@ class Display:
         best = int(np.argmax(evidence.probabilities)) if evidence.candidates else -1
         slack = best >= 0 and evidence.candidates[best].model.slack_free
         scales = reduced.layout.scales
-        failure = _failure(comparisons, self.stretches, slack, evidence.base.model.sticking, scales.time)
+        failure = _failure(
+            comparisons, self.stretches, slack, bool(evidence.base.model.sticking), scales.time
+        )
         if scales != SI:
             comparisons = [_told_comparison(one, scales) for one in comparisons]
             prints = {name: _told_print(one, scales) for name, one in prints.items()}
