@@ -12,8 +12,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from fingerlab.acquisition.bench.inline import InlineBench
-from fingerlab.acquisition.bench.process_bench import ProcessBench
+from fingerlab.acquisition.bench.process_bench import InlineBench, ProcessBench
 from fingerlab.acquisition.bench.steering import LoopSettings
 from fingerlab.acquisition.control.units import BenchUnits
 from fingerlab.devices.choosing import DeviceChoice

@@ -31,8 +31,7 @@ from benchmarks.benches import in_processes, keep_option, kept, shown_window
 from benchmarks.machine import load_average, used
 from benchmarks.real_time_page import Timed, page
 from fingerlab.acquisition.bench.process_bench import ProcessBench
-from fingerlab.acquisition.control.commands import Enable, Initialise, Reset, SetUp, Start
-from fingerlab.acquisition.control.machine import Mode
+from fingerlab.acquisition.control.machine import Enable, Initialise, Mode, Reset, SetUp, Start
 from fingerlab.acquisition.record.recorder import Recorder
 from fingerlab.acquisition.record.recording import RunInfo, SessionInfo
 from fingerlab.acquisition.ring import COLUMN, COLUMNS, Ring, RowFlag

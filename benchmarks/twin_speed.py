@@ -8,9 +8,8 @@ from __future__ import annotations
 
 import time
 
-from fingerlab.twin.bench import load_preset
 from fingerlab.twin.effects import parse_effects
-from fingerlab.twin.protocols import PROTOCOLS
+from fingerlab.twin.protocols import PROTOCOLS, load_preset
 from fingerlab.twin.recording import simulate_session
 
 CASES: dict[str, list[str]] = {

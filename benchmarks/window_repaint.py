@@ -17,7 +17,7 @@ from PySide6.QtWidgets import QApplication
 
 from benchmarks.benches import turned_by_hand
 from benchmarks.machine import Frame, Share, Watch, timed
-from fingerlab.acquisition.bench.inline import InlineBench
+from fingerlab.acquisition.bench.process_bench import InlineBench
 from fingerlab.ui.acquire.acquire_tab import AcquireTab
 from fingerlab.ui.acquire.bench_setup import BenchRequest, OpenBench, open_bench
 from fingerlab.ui.app.window import MainWindow

@@ -15,7 +15,7 @@ from click.testing import CliRunner
 from PySide6.QtCore import QEventLoop, QItemSelectionModel, QTimer
 from PySide6.QtWidgets import QLabel, QTableView, QWidget
 
-from fingerlab.acquisition.bench.inline import InlineBench
+from fingerlab.acquisition.bench.process_bench import InlineBench
 from fingerlab.acquisition.bench.steering import LoopSettings
 from fingerlab.acquisition.control.units import BenchUnits
 from fingerlab.calibration import StepTiming
@@ -26,9 +26,8 @@ from fingerlab.effects.own import template
 from fingerlab.report import diagnosis_words as words
 from fingerlab.sessions import open_session
 from fingerlab.sessions.mapping import BENCH_ORDER
-from fingerlab.twin.bench import load_preset
 from fingerlab.twin.effects import parse_effects
-from fingerlab.twin.protocols import PROTOCOLS, RunPlan
+from fingerlab.twin.protocols import PROTOCOLS, RunPlan, load_preset
 from fingerlab.twin.session import write_session
 from fingerlab.ui.acquire import acquire_tab as acquire
 from fingerlab.ui.acquire.bench_setup import BenchRequest, OpenBench

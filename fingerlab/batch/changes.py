@@ -19,8 +19,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fingerlab.batch.rows import Row
-from fingerlab.batch.table import ageing_rows, days_of, followed_columns, number_of
+from fingerlab.batch.table import Row, ageing_rows, days_of, followed_columns, number_of
 from fingerlab.core.text import ParameterEstimate
 from fingerlab.sessions.model import Array
 

@@ -19,11 +19,16 @@ from pathlib import Path
 from typing import Any
 
 import fingerlab
-from fingerlab.batch.rows import SOFTWARE, Options, Row, SessionRow, Task, diagnose_file
 from fingerlab.batch.table import (
+    SOFTWARE,
     Contents,
+    Options,
     Parts,
+    Row,
+    SessionRow,
+    Task,
     complete,
+    diagnose_file,
     in_order_of_time,
     read_table,
     units_of,

@@ -8,7 +8,6 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from scipy.special import stdtrit
 
 from fingerlab.calibration.sensors import Limit, Sensor
 from fingerlab.core.errors import UserError
@@ -168,6 +167,8 @@ def calibrate_steps(sensor: Sensor, steps: Sequence[SteadyStep], marks: Sequence
     Raises:
         UserError: fewer than three steps, or all at one reading or one value.
     """
+    from scipy.special import stdtrit  # takes 0.2 s to load; commands that fit nothing come by here, too
+
     known = np.asarray(marks, dtype=np.float64) * sensor.mark_factor
     volts = np.array([step.volts for step in steps])
     if len(volts) < 3 or len(volts) != len(known):

@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from fingerlab.cli.common import Within, asked_device, counted, json_option, progress_bar, write_json
-from fingerlab.cli.record_events import Events
+from fingerlab.cli.record_session import Events
 from fingerlab.cli.simulate import PROTOCOL_HELP, TRAJECTORY_HELP, ProtocolName, protocol_plans, single_plan
 from fingerlab.core.errors import UserError
 from fingerlab.core.files import read_text, refuse_taken
 
 if TYPE_CHECKING:
     from fingerlab.acquisition.bench.bench import Bench
-    from fingerlab.acquisition.control.commands import Initialise
+    from fingerlab.acquisition.control.machine import Initialise
     from fingerlab.acquisition.control.position import Gains
     from fingerlab.acquisition.protocols.driver import Beginning
     from fingerlab.acquisition.protocols.script import Order
@@ -187,14 +187,14 @@ def _angles(options: Mapping[str, Any]) -> dict[str, float]:
 
 def _initial(rig: Rig, angles: Mapping[str, float]) -> Initialise:
     """What the sensors are set to after each change of the bench: as given, else as the rig predefines it."""
-    from fingerlab.acquisition.control.commands import initial_of
+    from fingerlab.acquisition.control.machine import initial_of
 
     return replace(initial_of(rig), **angles)
 
 
 def _beginning(options: Mapping[str, Any]) -> Beginning:
     from fingerlab.acquisition.protocols.driver import Beginning
-    from fingerlab.acquisition.record.trigger import read_level
+    from fingerlab.acquisition.record.recording import read_level
 
     level = options["trigger"]
     return Beginning(options["pre_trigger"], None if level is None else read_level(level))
@@ -226,10 +226,10 @@ def _open(
     A simulated rig is taken as it is: what it records must depend on its seed alone.
     """
     from fingerlab.acquisition.bench.steering import LoopSettings
-    from fingerlab.acquisition.check_rig.kept import bench_key, checks_folder, last_check
+    from fingerlab.acquisition.check_rig.walk import bench_key, checks_folder, last_check
     from fingerlab.acquisition.control.units import BenchUnits
     from fingerlab.acquisition.record.recording import rescue_folder
-    from fingerlab.calibration.applying import default_folder, rig_and_attributes
+    from fingerlab.calibration.store import default_folder, rig_and_attributes
     from fingerlab.devices.protocol import SelfDescribing
 
     device = choice.build() if simulated else None
@@ -245,7 +245,7 @@ def _open(
         attributes["check_rig"] = check.words
         click.echo(f"{check.sentence(rig)}", err=True)
     if device is not None and not options["real_time"]:
-        from fingerlab.acquisition.bench.inline import InlineBench
+        from fingerlab.acquisition.bench.process_bench import InlineBench
 
         return InlineBench(device, settings, rescue_folder()), rig, attributes
     from fingerlab.acquisition.bench.process_bench import ProcessBench
@@ -286,7 +286,7 @@ def _choice(options: Mapping[str, Any]) -> DeviceChoice:
 
 def _plans(options: Mapping[str, Any]) -> tuple[str, list[Any]]:
     from fingerlab.acquisition.protocols.steps import in_contact
-    from fingerlab.twin.bench import load_preset
+    from fingerlab.twin.protocols import load_preset
 
     protocol, text, press = options["protocol"], options["trajectory"], options["then_contact"]
     if (protocol is None) == (text is None):

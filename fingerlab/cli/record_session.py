@@ -1,27 +1,255 @@
-"""The taking of one session by ``fingerlab record``: driver, script, events and the operator together."""
+"""One session taken by ``fingerlab record``: driver, script, operator, and the events that tell of it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import json
+import locale
+import math
+import os
+import sys
+import threading
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from types import TracebackType
+from typing import IO, TYPE_CHECKING, Any
 
 import click
 
 from fingerlab.cli.common import Interrupts
-from fingerlab.cli.record_events import Events, Lines, Observer, live_model
 from fingerlab.core.errors import Cancelled, UserError
+from fingerlab.core.files import refuse_taken
 
 if TYPE_CHECKING:
-    from fingerlab.acquisition.bench.bench import Bench
-    from fingerlab.acquisition.control.commands import Initialise
+    from fingerlab.acquisition.bench.bench import Bench, Status
+    from fingerlab.acquisition.control.machine import Initialise
     from fingerlab.acquisition.protocols.driver import Beginning, ProtocolDriver
     from fingerlab.acquisition.protocols.script import Order
     from fingerlab.acquisition.protocols.steps import Step
     from fingerlab.models.file import Model
+    from fingerlab.models.live import LiveModel
     from fingerlab.rig.constants import Rig
+
+READINGS_S = 1.0
+"""Readings are told once in so much of the bench's time."""
+
+SHOWN = (
+    "motor_command", "motor_position", "motor_speed", "motor_current", "motor_torque", "mcp_angle",
+    "pip_angle", "endpoint_force",
+)  # fmt: skip
+
+
+class Events:
+    """One JSON object a line, to a file or to standard output; nothing where no target is given."""
+
+    def __init__(self, target: str | None) -> None:
+        self._file: IO[str] | None = None
+        self._own = target is not None and target != "-"
+        if target == "-":
+            self._file = sys.stdout
+        elif target is not None:
+            refuse_taken(Path(target))
+            try:
+                self._file = Path(target).open("x", encoding="utf-8")  # noqa: SIM115 (it is one itself)
+            except OSError as error:
+                raise UserError(f"{target} cannot be written ({error.strerror}).") from None
+
+    def __enter__(self) -> Events:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._own and self._file is not None:
+            self._file.close()
+
+    @property
+    def wanted(self) -> bool:
+        """Whether anybody listens."""
+        return self._file is not None
+
+    def tell(self, event: str, what: dict[str, Any] | None = None) -> None:
+        """Write one event. A listener who has gone, or a disk that is full, does not end the recording."""
+        if self._file is None:
+            return
+        known = {name: _plain(value) for name, value in (what or {}).items()}
+        with suppress(OSError):
+            self._file.write(json.dumps({"event": event, **known}, ensure_ascii=False) + "\n")
+            self._file.flush()
+
+
+class Observer:
+    """Looks at bench and driver between the driver's own looks, and tells what is new.
+
+    Args:
+        say: shows the operator a sentence. model: beside the measurement; ``nominal`` fits it as it goes.
+    """
+
+    def __init__(
+        self, bench: Bench, rig: Rig, events: Events, say: Callable[[str], None], model: Model | str | None
+    ) -> None:
+        from fingerlab.acquisition.ring import CycleTimes
+
+        self._bench, self._rig, self._events, self._say, self._model = bench, rig, events, say, model
+        self._cycles = CycleTimes(bench.rate_hz)
+        self._rows = bench.ring.reader()
+        self._status: Status = bench.status()
+        self._newest: Any = None
+        self._due = 0.0
+        self._run = 0
+        self._recording = False
+        self._live: LiveModel | None = None
+        self._set_up: Any = None
+        self._progress = ("", 0, 0)
+
+    def look(self, driver: ProtocolDriver) -> None:
+        """To be called many times a second."""
+        from fingerlab.acquisition.bench.bench import Kind, notices
+
+        before, self._status = self._status, self._bench.status()
+        for notice in notices(before, self._status, self._bench.rate_hz):
+            if notice.kind is not Kind.RUN:  # told with the run's end
+                self._events.tell("warning", {"about": notice.kind.value, "sentence": notice.sentence})
+            self._say(notice.sentence)
+        self._tell_runs(driver)
+        if not self._events.wanted:
+            return
+        self._follow(driver)
+        self._tell_progress(driver)
+        if self._status.index >= self._due and self._newest is not None:
+            self._due = self._status.index + READINGS_S * self._bench.rate_hz
+            self._events.tell("readings", self._readings())
+
+    def _tell_runs(self, driver: ProtocolDriver) -> None:
+        run = driver.run
+        if run is None:
+            return
+        if driver.number != self._run:
+            self._run = driver.number
+            told = {"run": driver.number, "phase": run.phase, "cable": run.cable, **run.attributes}
+            self._events.tell("run", {**told, "trajectory": dict(run.trajectory)})
+        if self._recording and not driver.recording:
+            now = self._status
+            ended = {"run": driver.number, "samples": now.recorded, "gaps": now.gaps, "missing": now.dropped}
+            self._events.tell("run_ended", {**ended, "verdict": now.verdict})
+        self._recording = driver.recording
+
+    def _tell_progress(self, driver: ProtocolDriver) -> None:
+        """When a second has passed or something else is done."""
+        now = driver.doing, math.ceil(driver.step_left_s), math.ceil(driver.left_s)
+        if now != self._progress:
+            self._progress = now
+            told = {"share": round(driver.share, 4), "doing": driver.doing}
+            self._events.tell("progress", {**told, "step_left_s": now[1], "left_s": now[2]})
+
+    def _readings(self) -> dict[str, Any]:
+        from fingerlab.acquisition.bench.bench import line_words
+        from fingerlab.acquisition.control.machine import MODE_WORDS
+        from fingerlab.acquisition.ring import COLUMN
+
+        status = self._status
+        told: dict[str, Any] = {"time_s": status.index / self._bench.rate_hz, "mode": MODE_WORDS[status.mode]}
+        told |= {"recorded": status.recorded, "late_cycles": status.late, "lost_cycles": status.lost}
+        told |= {"cycle_s": self._cycles.mean, "longest_cycle_s": self._cycles.longest}
+        told |= {name: float(self._newest[COLUMN[name]]) for name in SHOWN}
+        told |= {name.replace(" ", "_").replace("-", "_"): word for name, word in line_words(status).items()}
+        if self._live is not None:
+            told["torque_error"] = self._live.error("torque")
+            told["force_error"] = self._live.error("force")
+        return told
+
+    def _follow(self, driver: ProtocolDriver) -> None:
+        import numpy as np
+
+        from fingerlab.acquisition.ring import COLUMN
+
+        rows = self._rows.read().rows
+        if not len(rows):
+            return
+        index = rows[:, COLUMN["index"]]
+        before = index[0] - 1 if self._newest is None else self._newest[COLUMN["index"]]
+        self._newest = rows[-1]
+        self._cycles.take(rows)
+        if self._model is None:
+            return
+        from fingerlab.models.live import Measured
+
+        if driver.set_up != self._set_up:
+            self._set_up = driver.set_up
+            self._live = live_model(self._rig, self._bench.rate_hz, self._model, driver.set_up)
+        assert self._live is not None
+        if np.any(np.diff(index, prepend=before) != 1):
+            self._live.forget()
+        names = ("mcp_angle", "pip_angle", "motor_position", "motor_torque", "endpoint_force")
+        self._live.extend(Measured(*(rows[:, COLUMN[name]] for name in names)))
+
+
+def live_model(rig: Rig, rate_hz: float, model: Model | str, set_up: Any) -> LiveModel:
+    """The model beside the measurement of a set-up.
+
+    Raises:
+        UserError: rig or model lack what it needs.
+    """
+    from fingerlab.models.live import LiveModel, balance_of
+
+    balance = None if isinstance(model, str) else balance_of(model, set_up.cable)
+    return LiveModel(rig, rate_hz, set_up.phase, set_up.cable, balance)
+
+
+class Lines:
+    """Lines of standard input as they come, read in a thread of their own.
+
+    It reads past Python's buffer: a thread that waits inside of it would break the program's end.
+
+    Attributes:
+        ended: there will be no further line.
+    """
+
+    def __init__(self, take: Callable[[str], None]) -> None:
+        self._take = take
+        self._begun = self.ended = False
+
+    def begin(self) -> None:
+        """Read from now on."""
+        if not self._begun:
+            self._begun = True
+            threading.Thread(target=self._read, daemon=True).start()
+
+    def _read(self) -> None:
+        if sys.stdin is not None:
+            for line in _lines(sys.stdin):
+                self._take(line)
+        self.ended = True
+
+
+def _lines(stream: IO[str]) -> Iterator[str]:
+    try:
+        number = stream.fileno()
+    except OSError:  # not a file of the system's
+        yield from stream
+        return
+    rest = b""
+    while piece := os.read(number, 4096):
+        *whole, rest = (rest + piece).split(b"\n")
+        yield from map(_text, whole)
+    if rest:
+        yield _text(rest)
+
+
+def _text(line: bytes) -> str:
+    """UTF-8, as scripts write it, else as a terminal of this system writes it."""
+    try:
+        return line.decode("utf-8")
+    except UnicodeDecodeError:
+        return line.decode(locale.getencoding(), errors="replace")
+
+
+def _plain(value: Any) -> Any:
+    """For JSON: what is no number is null."""
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
 
 Report = Callable[[float, str], None]
 
@@ -132,7 +360,7 @@ def take(
         UserError: the bench or the recorder failed. KeyboardInterrupt: it was stopped. What was recorded is
             kept in either case.
     """
-    from fingerlab.acquisition.control.commands import SetUp
+    from fingerlab.acquisition.control.machine import SetUp
     from fingerlab.acquisition.protocols.steps import Record, plan_seconds
 
     if told.model is not None:

@@ -30,7 +30,7 @@ from fingerlab.core.plain_data import read_object
 from fingerlab.rig.constants import Finger, Motor, Rig
 from fingerlab.rig.file import CONSTANT_UNITS, default_rig, load_rig, sources_of
 from fingerlab.sessions import CheckReport, Session, check_session, open_session
-from fingerlab.sessions.format import CABLES, PHASES
+from fingerlab.sessions.model import CABLES, PHASES
 from fingerlab.sessions.recording_files import CLEAN
 from fingerlab.sessions.trajectory import run_told
 

@@ -1,7 +1,7 @@
 """Python files found in a folder: a catalogue of our own, and files of the user that they confirmed.
 
 A file runs only with a content that its user was asked about. What a file of each kind has to offer is
-checked where it is used (``effects/own.py``, ``devices/own.py``).
+checked where it is used (``effects/own.py``, ``devices/choosing.py``).
 """
 
 from __future__ import annotations

@@ -28,10 +28,9 @@ from fingerlab.devices.protocol import (
 from fingerlab.rig.constants import INTERVENTION, Rig, intervention_of
 from fingerlab.rig.daq import AnalogInput, Daq, SafetyLines
 from fingerlab.rig.file import default_rig
-from fingerlab.twin.bench import PRACTICE, Preset, load_preset
 from fingerlab.twin.effects import check_effects
 from fingerlab.twin.plant import CONTACT, ON_AIR, OUTPUTS
-from fingerlab.twin.protocols import RATE_HZ, RunPlan, setup_of
+from fingerlab.twin.protocols import PRACTICE, RATE_HZ, Preset, RunPlan, load_preset, setup_of
 from fingerlab.twin.recording import BenchStream, seeded_truth
 from fingerlab.twin.session import SEALED, SIMULATION, pick_hidden, seal
 

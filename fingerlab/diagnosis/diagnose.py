@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,19 +14,26 @@ from threadpoolctl import threadpool_limits
 
 from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress
-from fingerlab.diagnosis.answer.bench import bench_findings, residual_offsets
 from fingerlab.diagnosis.answer.errors import equation_errors, held_out_runs, left_aside, score_parts
 from fingerlab.diagnosis.answer.results import (
     Candidate,
     Diagnosis,
     Fingerprint,
+    FirstLook,
     OtherModel,
     PairedDifference,
     PathStep,
 )
-from fingerlab.diagnosis.answer.wording import every_parameter, explanation, parameters
+from fingerlab.diagnosis.answer.wording import (
+    bench_findings,
+    every_parameter,
+    explanation,
+    parameters,
+    residual_offsets,
+)
 from fingerlab.diagnosis.equations.model import Choice, build
 from fingerlab.diagnosis.fit.run_spreads import find_constants
+from fingerlab.diagnosis.fit.weights import Weights
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.score.calibration import (
     NOTHING,
@@ -49,7 +57,7 @@ from fingerlab.diagnosis.score.selection import justified, much_left
 from fingerlab.diagnosis.search.grid_refinement import fit_refined, with_shapes_of
 from fingerlab.diagnosis.search.rivals import Rival, odds_of_rivals
 from fingerlab.diagnosis.search.strategy import Found, Question, Stages, search_effects
-from fingerlab.diagnosis.settings import NEARLY_RIGHT, RUN_LOG_ODDS, SET_LOG_ODDS, STILL_LEFT
+from fingerlab.diagnosis.settings import FULL_ITERATIONS, NEARLY_RIGHT, RUN_LOG_ODDS, SET_LOG_ODDS, STILL_LEFT
 from fingerlab.effects import effect, whole_catalogue
 from fingerlab.effects.base import Effect
 from fingerlab.sessions.model import Array, Session
@@ -69,6 +77,7 @@ def diagnose(
     left_out: Sequence[str] = (),
     kept: Reduction | None = None,
     held: Mapping[str, float] | None = None,
+    first: Callable[[FirstLook], None] | None = None,
 ) -> Diagnosis:
     """Where the model fails and which effect is missing.
 
@@ -81,6 +90,8 @@ def diagnose(
         left_out: ids that the catalogue is to be without; so it is tried what it says of the unknown.
         kept: what an earlier diagnosis of these sessions was given; their runs are not read again.
         held: unknowns of the model as given, by key, and the value that every model is to hold them at, SI.
+        first: is told the error of the model with the ``added`` effects before others are looked for; once
+            more when their shapes are found between the points of their grids.
 
     Raises:
         UserError: an unknown effect or unknown to hold, nothing to analyse, a run that cannot be read.
@@ -103,7 +114,8 @@ def diagnose(
         if given:
             settle_constants(reduction, Scorer(reduction.of([])))
             # There and in the catalogue at the shapes that fit best.
-            alone = fit_refined(reduction, given, stages.part(0.2, 0.25))
+            look = None if first is None else partial(_look, first, reduction.weights)
+            alone = fit_refined(reduction, given, stages.part(0.2, 0.25), look)
             given = at_found_shapes(alone[1])
             catalogue = with_shapes_of(catalogue, given)
         watch = stages.part(0.25 if given else 0.0, 0.4)
@@ -114,7 +126,18 @@ def diagnose(
         found = search_effects(question, scorer)
         if much_left(found.path[-1], NEARLY_RIGHT):
             found = searched_again(question, scorer, found)
+        reduction.weights = found.evidence.base.weights
         return _answer(question, found, display, started)
+
+
+def _look(
+    first: Callable[[FirstLook], None], weights: Weights | None, scorer: Scorer, fitted: FittedModel
+) -> None:
+    """Tell what a model leaves of the runs that its fit has not seen, in the floors of the last answer."""
+    if weights is not None:
+        fitted = scorer.fit(fitted.choices, fitted, FULL_ITERATIONS, weights)
+    found = scorer.score_held_out(fitted, residuals=True)
+    first(FirstLook(tuple(found.effect_ids), found.score, equation_errors(scorer.reduced, found)))
 
 
 def settle_constants(reduction: Reduction, scorer: Scorer) -> Scorer:

@@ -27,7 +27,7 @@ from fingerlab.core.plain_data import parsed
 from fingerlab.library.index import SessionFacts, text_list
 
 if TYPE_CHECKING:
-    from fingerlab.batch.rows import Row
+    from fingerlab.batch.table import Row
 
 FILE_NAME = "fingerlab-library.json"
 FORMAT = "fingerlab-library"

@@ -10,8 +10,17 @@ from fingerlab.core.progress import Progress
 from fingerlab.core.text import printed, score_text
 from fingerlab.diagnosis.answer.results import Candidate, Diagnosis, OtherModel
 from fingerlab.effects.base import Effect
-from fingerlab.notebook.display import Displayable, Displayed, Figures, ShownTable
-from fingerlab.notebook.model import ModelView, SessionSource, effect_ids, fit, opened
+from fingerlab.notebook.model import (
+    Displayable,
+    Displayed,
+    Figures,
+    ModelView,
+    SessionSource,
+    ShownTable,
+    effect_ids,
+    fit,
+    opened,
+)
 from fingerlab.report import diagnosis_words as words
 from fingerlab.report.page_tables import error_rows, short_ranking
 from fingerlab.sessions.model import Session

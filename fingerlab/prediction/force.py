@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fingerlab.core.errors import UserError
-from fingerlab.diagnosis.equations.coefficients import (
+from fingerlab.diagnosis.equations.columns import (
     CABLE_NAMES,
     DELAY,
     Coefficients,
@@ -72,13 +72,6 @@ class Stretch:
     motion: Motion
     frequency_hz: float
     scales: Scales = SI
-
-
-def contact_runs(session: Session) -> tuple[Run, ...]:
-    """Runs in contact with a cable, in the order taken; may be empty."""
-    return tuple(
-        run for run in session.runs if run.phase == "contact" and run.cable_sign != 0 and not run.changed
-    )
 
 
 def contact_stretches(session: Session, run: Run, scales: Scales = SI) -> Iterator[Stretch]:

@@ -203,7 +203,7 @@ def _low_passed(run: Run, channels: Mapping[str, Array], cutoff_hz: float) -> di
 
 SEGMENT_S = 10.0
 """Of a spectrum (Welch, "The use of fast Fourier transform", 1967): a tenth of a hertz is told apart."""
-LEAST_SAMPLES = 50
+LEAST_FOR_SPECTRUM = 50
 """Fewer tell no spectrum; assumed."""
 
 
@@ -223,7 +223,7 @@ def amplitude_density(
         return None
     parts = np.split(known, np.flatnonzero(np.diff(known) > 1) + 1)
     longest = values[max(parts, key=len)]
-    if len(longest) < LEAST_SAMPLES:
+    if len(longest) < LEAST_FOR_SPECTRUM:
         return None
     from scipy.signal import welch
 

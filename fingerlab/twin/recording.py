@@ -20,11 +20,11 @@ from fingerlab.acquisition.control.trajectories import read_trajectory
 from fingerlab.core.errors import UserError
 from fingerlab.rig.constants import Intervention, intervention_of
 from fingerlab.sessions.model import Array
-from fingerlab.twin.bench import Preset, build_bench, draw_truth, place_bench
+from fingerlab.twin.bench import build_bench, draw_truth, place_bench
 from fingerlab.twin.effects import Effects, apply_effects
 from fingerlab.twin.integrate import run_loop, run_sample
 from fingerlab.twin.plant import BRISTLES, OUTPUTS, STATE, Plant, Sensors, Truth
-from fingerlab.twin.protocols import RATE_HZ, RunPlan
+from fingerlab.twin.protocols import RATE_HZ, Preset, RunPlan
 
 STEPS = 10
 """Internal steps a sample: 10 kHz. Tests halve the step and bound the change of the recording."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from fingerlab.acquisition.bench.loop import ControlLoop
 from fingerlab.acquisition.bench.steering import LoopSettings
-from fingerlab.acquisition.control.commands import Command, Enable, Initialise, Start
+from fingerlab.acquisition.control.machine import Command, Enable, Initialise, Start
 from fingerlab.acquisition.control.units import BenchUnits
 from fingerlab.acquisition.ring import COLUMN, COLUMNS, Ring
 from fingerlab.acquisition.status import SharedStatus, Slot, Text

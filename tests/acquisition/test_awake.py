@@ -11,7 +11,7 @@ import pytest
 from fingerlab.acquisition.bench.bench import Kind, notices
 from fingerlab.acquisition.bench.process_bench import ProcessBench
 from fingerlab.acquisition.bench.steering import LoopSettings
-from fingerlab.acquisition.control.commands import Disable, Enable, Initialise, Release
+from fingerlab.acquisition.control.machine import Disable, Enable, Initialise, Release
 from fingerlab.acquisition.control.units import BenchUnits
 from fingerlab.acquisition.status import Slot
 from fingerlab.rig.file import default_rig

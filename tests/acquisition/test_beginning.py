@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from fingerlab.acquisition.bench.inline import InlineBench
+from fingerlab.acquisition.bench.process_bench import InlineBench
 from fingerlab.acquisition.bench.steering import LoopSettings
-from fingerlab.acquisition.control.commands import Enable, Initialise, SetUp, Start, Tare
+from fingerlab.acquisition.control.machine import Enable, Initialise, SetUp, Start, Tare
 from fingerlab.acquisition.control.units import BenchUnits
 from fingerlab.acquisition.protocols.driver import run_to_record
 from fingerlab.rig.daq import Limits

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from fingerlab.acquisition.bench.inline import InlineBench
+from fingerlab.acquisition.bench.process_bench import InlineBench
 from fingerlab.acquisition.bench.steering import LoopSettings
-from fingerlab.acquisition.control.commands import Enable, Initialise, Jog, TakeUp
+from fingerlab.acquisition.control.machine import Enable, Initialise, Jog, TakeUp
 from fingerlab.acquisition.control.units import BenchUnits
 from fingerlab.acquisition.protocols.driver import take_up_slack
 from fingerlab.acquisition.ring import COLUMN

@@ -12,11 +12,12 @@ from hypothesis import strategies as st
 
 from fingerlab.acquisition.bench.loop import STOOD_STILL
 from fingerlab.acquisition.control.believing import safety_checks
-from fingerlab.acquisition.control.commands import (
+from fingerlab.acquisition.control.machine import (
     Disable,
     Enable,
     Finish,
     Initialise,
+    Mode,
     Quit,
     Release,
     Reset,
@@ -24,7 +25,6 @@ from fingerlab.acquisition.control.commands import (
     Start,
     Tare,
 )
-from fingerlab.acquisition.control.machine import Mode
 from fingerlab.acquisition.control.units import BenchUnits
 from fingerlab.acquisition.status import Slot
 from fingerlab.devices.protocol import DeviceFault

@@ -9,8 +9,7 @@ import pytest
 from fingerlab.acquisition.bench.guardian import try_stop
 from fingerlab.acquisition.bench.process_bench import ProcessBench
 from fingerlab.acquisition.bench.steering import LoopSettings
-from fingerlab.acquisition.control.commands import Disable, Enable, Initialise, Start
-from fingerlab.acquisition.control.machine import Mode
+from fingerlab.acquisition.control.machine import Disable, Enable, Initialise, Mode, Start
 from fingerlab.acquisition.control.units import BenchUnits
 from fingerlab.acquisition.status import SharedStatus, Slot, Text
 from fingerlab.core.errors import UserError

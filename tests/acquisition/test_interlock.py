@@ -8,8 +8,7 @@ from dataclasses import dataclass, field, replace
 import pytest
 
 from fingerlab.acquisition.bench.bench import Bench, Kind, Status, line_words, notices
-from fingerlab.acquisition.control.commands import Enable, Initialise, Release, Reset, Start
-from fingerlab.acquisition.control.machine import Mode
+from fingerlab.acquisition.control.machine import Enable, Initialise, Mode, Release, Reset, Start
 from fingerlab.acquisition.status import Input, Slot
 from fingerlab.devices.protocol import Sample
 from fingerlab.rig.daq import AmplifierReadyLine, DeadManLine, EmergencyStopLine, SafetyLines

@@ -7,19 +7,19 @@ import math
 import numpy as np
 import pytest
 
-from fingerlab.acquisition.control.commands import (
+from fingerlab.acquisition.control.machine import (
     Approach,
     Disable,
     Enable,
     Finish,
     Initialise,
+    Mode,
     Release,
     Reset,
     SetUp,
     Start,
     Tare,
 )
-from fingerlab.acquisition.control.machine import Mode
 from fingerlab.acquisition.control.trajectories import read_trajectory
 from fingerlab.acquisition.status import Number, Slot
 from tests.acquisition import fake_device

@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from fingerlab.acquisition.bench.inline import InlineBench
+from fingerlab.acquisition.bench.process_bench import InlineBench
 from fingerlab.acquisition.bench.steering import LoopSettings, ReadyStart, prepare
-from fingerlab.acquisition.control.commands import Start
+from fingerlab.acquisition.control.machine import Start
 from fingerlab.acquisition.control.trajectories import read_trajectory
 from fingerlab.acquisition.control.units import BenchUnits
 from fingerlab.acquisition.protocols.steps import Record, plan_steps

@@ -15,19 +15,18 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
-from fingerlab.acquisition.bench.inline import InlineBench
+from fingerlab.acquisition.bench.process_bench import InlineBench
 from fingerlab.acquisition.bench.steering import LoopSettings
-from fingerlab.acquisition.control.commands import Initialise
+from fingerlab.acquisition.control.machine import Initialise
 from fingerlab.acquisition.control.trajectories import read_trajectory
 from fingerlab.acquisition.control.units import BenchUnits
 from fingerlab.acquisition.protocols.driver import Beginning
 from fingerlab.acquisition.protocols.script import Order, read_order
 from fingerlab.acquisition.protocols.steps import plan_steps
-from fingerlab.acquisition.record.trigger import Level, crossings, read_level
+from fingerlab.acquisition.record.recording import Level, crossings, read_level
 from fingerlab.cli.common import progress_bar
 from fingerlab.cli.record import record
-from fingerlab.cli.record_events import Events
-from fingerlab.cli.record_session import Told, _Writing, take
+from fingerlab.cli.record_session import Events, Told, _Writing, take
 from fingerlab.core.errors import UserError
 from fingerlab.devices.faults import fault_after
 from fingerlab.devices.simulated import SimulatedRig

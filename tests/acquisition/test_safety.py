@@ -8,7 +8,7 @@ from dataclasses import fields
 import pytest
 
 from fingerlab.acquisition.control.believing import safety_checks
-from fingerlab.acquisition.control.commands import SetUp
+from fingerlab.acquisition.control.machine import SetUp
 from fingerlab.acquisition.control.safety import (
     EncoderJump,
     EncoderStuck,

@@ -10,16 +10,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fingerlab.acquisition.control.commands import (
+from fingerlab.acquisition.control.machine import (
     Approach,
     Enable,
     Finish,
     Initialise,
+    Mode,
     SetGains,
     SetUp,
     Start,
 )
-from fingerlab.acquisition.control.machine import Mode
 from fingerlab.acquisition.control.motion import FREE_SPEED
 from fingerlab.acquisition.control.trajectories import read_trajectory
 from fingerlab.acquisition.protocols.steps import Change, Record, plan_steps

@@ -8,8 +8,7 @@ import h5py
 import pytest
 
 from fingerlab.sessions import copy_session
-from fingerlab.twin.bench import load_preset
-from fingerlab.twin.protocols import RunPlan
+from fingerlab.twin.protocols import RunPlan, load_preset
 from fingerlab.twin.session import write_session
 
 PULLEY_RADIUS = 0.015

@@ -16,10 +16,9 @@ import pyarrow.parquet as pq
 import pytest
 from click.testing import CliRunner, Result
 
-from fingerlab.batch import rows
-from fingerlab.batch.rows import Options, SessionRow, Task, diagnose_file
+from fingerlab.batch import table
 from fingerlab.batch.run import locally, run_batch
-from fingerlab.batch.table import Parts
+from fingerlab.batch.table import Options, Parts, SessionRow, Task, diagnose_file
 from fingerlab.cli.main import cli
 from fingerlab.core.errors import Cancelled, UserError
 from fingerlab.core.trust import OwnSource
@@ -140,7 +139,7 @@ def quickly(task: Task, options: Options) -> SessionRow:
     content = file_hash(Path(task.path))
     error = "broken" if task.name.startswith("broken") else None
     return SessionRow(
-        {"session": task.name, "sha256": content, "software": rows.SOFTWARE, "options": options.key,
+        {"session": task.name, "sha256": content, "software": table.SOFTWARE, "options": options.key,
          "error": error, "seconds": 0.0, "score": 1.0}, {},
     )  # fmt: skip
 
@@ -205,7 +204,7 @@ def test_another_version_or_another_own_effect_is_done_anew(
     options = Options(own=(OwnSource(str(EXAMPLE), EXAMPLE.read_bytes()),))
     result = run_batch(tree, out, options, Counted())
     assert (result.done, result.outdated) == (1, 1)
-    for module in ("rows", "run"):
+    for module in ("table", "run"):
         monkeypatch.setattr(f"fingerlab.batch.{module}.SOFTWARE", "fingerlab 99")
     result = run_batch(tree, out, options, Counted())
     assert (result.done, result.outdated, result.contents.rows[0]["software"]) == (1, 1, "fingerlab 99")
@@ -268,13 +267,13 @@ def test_a_file_that_ends_its_process_and_one_of_odd_texts_cost_the_others_nothi
         for name, value in odd.items():
             file.attrs[name] = value
     found = run_batch(tree, tmp_path / "T.parquet", options, locally(2)).contents.rows
-    rows = {row["session"]: row for row in found}
-    assert "ended from outside, for want of memory or by this file" in rows["crash.h5"]["error"]
-    assert "is not an HDF5 file" in rows["broken.h5"]["error"]
+    table = {row["session"]: row for row in found}
+    assert "ended from outside, for want of memory or by this file" in table["crash.h5"]["error"]
+    assert "is not an HDF5 file" in table["broken.h5"]["error"]
     for name in ("a.h5", "deep/er/b.h5"):
-        assert rows[name]["error"] is None
-        assert rows[name]["score"] > 0
-    assert rows["deep/er/b.h5"]["created"] == "[/bold]=1+1"
+        assert table[name]["error"] is None
+        assert table[name]["score"] > 0
+    assert table["deep/er/b.h5"]["created"] == "[/bold]=1+1"
     assert pq.read_table(tmp_path / "T.parquet").num_rows == 4
 
 

@@ -12,7 +12,7 @@ from click.testing import CliRunner, Result
 from distributed import LocalCluster
 
 from fingerlab.batch import run
-from fingerlab.batch.rows import Options, Task, diagnose_file
+from fingerlab.batch.table import Options, Task, diagnose_file
 from fingerlab.cli.main import cli
 from fingerlab.core.errors import UserError
 

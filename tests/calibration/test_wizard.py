@@ -12,11 +12,10 @@ import numpy as np
 import pytest
 
 from fingerlab.calibration import SENSORS, StepTiming
-from fingerlab.calibration.applying import apply_again, calibrated_rig, rig_and_attributes
 from fingerlab.calibration.offline import outcome_from_files
 from fingerlab.calibration.outcome import CalibrationOutcome, compare
 from fingerlab.calibration.sensors import own_plan, read_marks, standard_plan
-from fingerlab.calibration.store import CalibrationStore
+from fingerlab.calibration.store import CalibrationStore, apply_again, calibrated_rig, rig_and_attributes
 from fingerlab.calibration.wizard import Averager, Phase, Wizard, judge
 from fingerlab.core.errors import Cancelled, UserError
 from fingerlab.rig.daq import plain_section

@@ -89,9 +89,8 @@ def call(*arguments: object) -> tuple[int, str, str]:
 @pytest.fixture(scope="module")
 def session_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Fifty seconds of the simulated rig with Coulomb friction in the joints."""
-    from fingerlab.twin.bench import load_preset
     from fingerlab.twin.effects import parse_effects
-    from fingerlab.twin.protocols import RunPlan
+    from fingerlab.twin.protocols import RunPlan, load_preset
     from fingerlab.twin.session import write_session
 
     def move(phase: str, cable: str, kind: str, amplitude: float, hertz: float, **more: float) -> RunPlan:

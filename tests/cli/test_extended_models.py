@@ -15,9 +15,8 @@ from fingerlab.core.plain_data import json_ready
 from fingerlab.models.file import load_model, save_model
 from fingerlab.prediction import extended_model, fit_extended, model_of_extended, predict_extended
 from fingerlab.sessions import open_session
-from fingerlab.twin.bench import load_preset
 from fingerlab.twin.effects import parse_effects
-from fingerlab.twin.protocols import RunPlan
+from fingerlab.twin.protocols import RunPlan, load_preset
 from fingerlab.twin.session import write_session
 from tests.cli.calling import refused, run_command
 

@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 
-from fingerlab.cli.replicate import replicate
-from fingerlab.report.replicate import TOLERANCES, compare
+from fingerlab.cli.simulate import replicate
+from fingerlab.report.comparison_words import TOLERANCES, compare
 from fingerlab.thesis.analysis import PUBLISHED, PublishedQuantity
 
 

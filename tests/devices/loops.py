@@ -7,10 +7,9 @@ from typing import Any
 import numpy as np
 
 from fingerlab.devices.protocol import Sample
-from fingerlab.twin.bench import load_preset
 from fingerlab.twin.integrate import position_loop
 from fingerlab.twin.plant import STATE
-from fingerlab.twin.protocols import RunPlan
+from fingerlab.twin.protocols import RunPlan, load_preset
 from fingerlab.twin.recording import PERIOD, prepare_bench, seeded_truth
 
 SINE = {"kind": "sine", "amplitude_deg": 14, "frequency_hz": 1, "offset_deg": 22, "duration_s": 5}

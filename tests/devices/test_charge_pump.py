@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from fingerlab.acquisition.control.commands import Enable, Initialise, Reset
-from fingerlab.acquisition.control.machine import Mode
+from fingerlab.acquisition.control.machine import Enable, Initialise, Mode, Reset
 from fingerlab.acquisition.status import Slot
 from fingerlab.devices.faults import ChargePump, Faults, fault_after
 from fingerlab.devices.simulated import SimulatedRig, Simulation, simulated_rig_file
-from fingerlab.twin.bench import load_preset
+from fingerlab.twin.protocols import load_preset
 from tests.acquisition.driving import SINE, Driven
 
 from .safety_wiring import wired

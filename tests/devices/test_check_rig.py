@@ -11,11 +11,10 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 
-from fingerlab.acquisition.bench.inline import InlineBench
-from fingerlab.acquisition.check_rig.kept import KeptCheck, keep, last_check
+from fingerlab.acquisition.bench.process_bench import InlineBench
 from fingerlab.acquisition.check_rig.look import CheckProtocol, Outcome, check_settings, write_protocol
-from fingerlab.acquisition.check_rig.walk import STEPS, Step, check_rig
-from fingerlab.cli.check_rig import check_rig as command
+from fingerlab.acquisition.check_rig.walk import STEPS, KeptCheck, Step, check_rig, keep, last_check
+from fingerlab.cli.bench import check_rig as command
 from fingerlab.core.errors import UserError
 from fingerlab.devices.faults import ChargePump, Faults, SensorFault
 from fingerlab.devices.ni.card import NiCard
@@ -506,7 +505,7 @@ def test_a_check_holds_for_the_wiring_and_limits_it_was_made_of(tmp_path: Path) 
 
 def test_only_a_real_bench_has_its_check_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The command writes its protocol either way; a rehearsal lets no motor have its whole current."""
-    monkeypatch.setattr("fingerlab.acquisition.check_rig.kept.checks_folder", lambda *_: tmp_path / "checks")
+    monkeypatch.setattr("fingerlab.acquisition.check_rig.walk.checks_folder", lambda *_: tmp_path / "checks")
     plant = SimulatedBench(Simulation(seed=2), default_rig().daq)
     card = Card(plant)
     device = NiCard(default_rig(), card.clock, InProcessChannel(Servicer(card)))
@@ -516,7 +515,7 @@ def test_only_a_real_bench_has_its_check_kept(tmp_path: Path, monkeypatch: pytes
         return InlineBench(device, settings, rescue)
 
     monkeypatch.setattr("fingerlab.acquisition.bench.process_bench.ProcessBench", inline)
-    monkeypatch.setattr("fingerlab.cli.check_rig.somebody_there", lambda: True)
+    monkeypatch.setattr("fingerlab.cli.bench.somebody_there", lambda: True)
     out = tmp_path / "check.json"
     arguments = ["--device", "Dev1", "--out", str(out)]
     result = CliRunner().invoke(command, arguments, input="yes\n" * 60)

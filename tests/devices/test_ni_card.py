@@ -7,8 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from fingerlab.acquisition.control.commands import Enable, Release, Reset
-from fingerlab.acquisition.control.machine import Mode
+from fingerlab.acquisition.control.machine import Enable, Mode, Release, Reset
 from fingerlab.acquisition.control.trajectories import read_trajectory
 from fingerlab.acquisition.status import Slot
 from fingerlab.devices.ni.card import NiCard

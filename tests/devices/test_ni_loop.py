@@ -8,8 +8,7 @@ import grpc
 import numpy as np
 import pytest
 
-from fingerlab.acquisition.control.commands import Enable, Initialise, Release, Reset, Start
-from fingerlab.acquisition.control.machine import Mode
+from fingerlab.acquisition.control.machine import Enable, Initialise, Mode, Release, Reset, Start
 from fingerlab.acquisition.status import Number, Slot
 from fingerlab.devices.ni.card import NiCard
 from fingerlab.devices.simulated import SimulatedBench, Simulation

@@ -10,8 +10,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 import fingerlab.acquisition.bench.process_bench
-from fingerlab.acquisition.bench.inline import InlineBench
-from fingerlab.acquisition.bench.process_bench import ProcessBench
+from fingerlab.acquisition.bench.process_bench import InlineBench, ProcessBench
 from fingerlab.acquisition.bench.steering import LoopSettings
 from fingerlab.acquisition.control.units import BenchUnits
 from fingerlab.cli.main import cli

@@ -7,8 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from fingerlab.acquisition.control.commands import Disable, Enable, Initialise, Reset, Start
-from fingerlab.acquisition.control.machine import Mode
+from fingerlab.acquisition.control.machine import Disable, Enable, Initialise, Mode, Reset, Start
 from fingerlab.acquisition.status import Input, Slot
 from fingerlab.core.errors import UserError
 from fingerlab.devices.ni.card import NiCard

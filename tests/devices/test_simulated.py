@@ -13,9 +13,8 @@ from fingerlab.devices.faults import Faults, SensorFault
 from fingerlab.devices.protocol import Device, DeviceFault, DeviceLost, VirtualClock, cycles_per_command
 from fingerlab.devices.simulated import SimulatedRig, Simulation
 from fingerlab.rig.file import default_rig, parse_rig
-from fingerlab.twin.bench import load_preset
 from fingerlab.twin.effects import parse_effects
-from fingerlab.twin.protocols import RunPlan
+from fingerlab.twin.protocols import RunPlan, load_preset
 from fingerlab.twin.recording import simulate_session
 from fingerlab.twin.session import unseal
 

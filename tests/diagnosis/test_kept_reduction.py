@@ -14,7 +14,7 @@ import pytest
 
 from fingerlab.core.errors import Cancelled
 from fingerlab.diagnosis import diagnose
-from fingerlab.diagnosis.answer.results import Diagnosis
+from fingerlab.diagnosis.answer.results import Diagnosis, FirstLook
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import Effect
@@ -56,7 +56,14 @@ def fresh(session: Session) -> Callable[[Sequence[str]], str]:
 def test_an_added_effect_is_judged_as_by_a_fresh_diagnosis(
     session: Session, kept: Reduction, fresh: Callable[[Sequence[str]], str], added: Sequence[str]
 ) -> None:
-    assert told(diagnose([session], added, kept=kept)) == fresh(added)
+    looks: list[FirstLook] = []
+    found = diagnose([session], added, kept=kept, first=looks.append)
+    assert told(found) == fresh(added)
+    assert {look.model for look in looks} == ({tuple(added)} if added else set())
+    for look in looks[-1:]:
+        assert look.score == pytest.approx(found.score, rel=0.1)
+        for family, error in found.errors.items():
+            assert look.errors[family].rmse == pytest.approx(error.rmse, rel=0.1)
 
 
 def counted_columns(name: str, counts: list[str]) -> Effect:

@@ -5,8 +5,7 @@ from __future__ import annotations
 import pytest
 
 from fingerlab.diagnosis import diagnose
-from fingerlab.twin.bench import load_preset
-from fingerlab.twin.protocols import PROTOCOLS, RunPlan
+from fingerlab.twin.protocols import PROTOCOLS, RunPlan, load_preset
 from fingerlab.twin.session import simulated_session
 
 

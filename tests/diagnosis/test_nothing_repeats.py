@@ -13,7 +13,7 @@ from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.report.diagnosis_words import verdict_sentence
 from fingerlab.sessions import open_session
 from fingerlab.sessions.model import Run
-from fingerlab.twin.bench import load_preset
+from fingerlab.twin.protocols import load_preset
 from fingerlab.twin.session import write_session
 from fingerlab.ui.lab.result_words import set_words
 

@@ -10,7 +10,7 @@ import pytest
 from fingerlab.diagnosis import diagnose
 from fingerlab.sessions import open_session
 from fingerlab.sessions.model import Session
-from fingerlab.twin.bench import load_preset
+from fingerlab.twin.protocols import load_preset
 from fingerlab.twin.session import write_session
 
 from .test_no_alarm import shortened

@@ -10,7 +10,7 @@ from pathlib import Path
 import click
 import pytest
 
-import fingerlab.batch.rows
+import fingerlab.batch.table
 import fingerlab.diagnosis
 import fingerlab.prediction
 import fingerlab.report.content
@@ -82,7 +82,7 @@ def shelf(tmp_path_factory: pytest.TempPathFactory, patched: pytest.MonkeyPatch)
     for name, plans in list(protocols.items()):
         patched.setitem(protocols, name, shortened(plans))  # type: ignore[arg-type]
     diagnose = Remembered(fingerlab.diagnosis.diagnose, whole=True)
-    for module in (fingerlab.diagnosis, fingerlab.batch.rows):
+    for module in (fingerlab.diagnosis, fingerlab.batch.table):
         patched.setattr(module, "diagnose", diagnose)
     fit = Remembered(fingerlab.prediction.fit_extended)
     for module in (fingerlab.prediction, fingerlab.report.content):

@@ -14,7 +14,7 @@ import psutil
 
 from fingerlab.acquisition.check_rig.look import Outcome
 from fingerlab.acquisition.check_rig.walk import STEPS
-from fingerlab.cli.check_rig import checked
+from fingerlab.cli.bench import checked
 from fingerlab.devices.choosing import choose_device
 
 

@@ -21,7 +21,7 @@ from unittest import mock
 
 import numpy as np
 
-from fingerlab.acquisition.control.commands import SetUp
+from fingerlab.acquisition.control.machine import SetUp
 from fingerlab.acquisition.record.recorder import Recorder
 from fingerlab.acquisition.record.recording import RunInfo, SessionInfo
 from fingerlab.acquisition.status import Slot, Text
@@ -34,7 +34,7 @@ from fingerlab.rig.daq import Limits
 from fingerlab.rig.file import default_rig
 from fingerlab.sessions import check_session, open_session
 from fingerlab.sessions.recording_files import PART_SUFFIX, RESERVE_BYTES, PartWriter
-from fingerlab.twin.bench import load_preset
+from fingerlab.twin.protocols import load_preset
 from tests.acquisition.driving import SINE, Driven
 from tests.acquisition.fake_device import FakeDevice
 from tests.devices.card_bench import SINGLE, failing, rig_with

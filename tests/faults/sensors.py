@@ -20,20 +20,20 @@ from typing import Any
 
 import numpy as np
 
-from fingerlab.acquisition.bench.inline import InlineBench
+from fingerlab.acquisition.bench.process_bench import InlineBench
 from fingerlab.acquisition.check_rig.look import FAILED, Outcome, check_settings
 from fingerlab.acquisition.check_rig.walk import STEPS, check_rig
-from fingerlab.acquisition.control.commands import (
+from fingerlab.acquisition.control.machine import (
     Approach,
     Command,
     Enable,
     Finish,
     Initialise,
+    Mode,
     SetUp,
     Start,
     Tare,
 )
-from fingerlab.acquisition.control.machine import Mode
 from fingerlab.acquisition.protocols.steps import APPROACH_LIMIT, APPROACH_SPEED
 from fingerlab.acquisition.status import Number, Slot
 from fingerlab.devices.faults import Faults, SensorFault

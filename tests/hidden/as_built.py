@@ -23,7 +23,7 @@ from fingerlab.prediction import fit_extended, fit_steps
 from fingerlab.prediction.comparing import ComparedModel, compare_models
 from fingerlab.sessions import Session, open_session
 from fingerlab.thesis.analysis import thesis_analysis
-from fingerlab.twin.bench import AS_BUILT, Preset, load_preset
+from fingerlab.twin.protocols import AS_BUILT, Preset, load_preset
 from fingerlab.twin.protocols import PROTOCOLS as PLANS
 from fingerlab.twin.session import write_session
 from tests.hidden.as_built_page import PROTOCOLS, SHEATH, Row, figures, held_by, markdown, said_path

@@ -10,7 +10,7 @@ import numpy as np
 
 from fingerlab.diagnosis.settings import TOLERANCES, USUAL_RATIOS, USUAL_SPREAD
 from fingerlab.effects import CATALOGUE
-from fingerlab.twin.bench import Preset
+from fingerlab.twin.protocols import Preset
 
 SHEATH = "capstan_friction"
 FAMILIES = {"joint_torque": ("joint torque", "mN m", 1e3), "endpoint_force": ("endpoint force", "N", 1.0)}

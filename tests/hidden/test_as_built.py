@@ -7,7 +7,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-from fingerlab.twin.bench import AS_BUILT, PRACTICE, load_preset
+from fingerlab.twin.protocols import AS_BUILT, PRACTICE, load_preset
 from fingerlab.twin.session import write_session
 from tests.diagnosis.test_no_alarm import shortened
 from tests.hidden import as_built, as_built_page

@@ -16,10 +16,9 @@ from fingerlab.core.errors import UserError
 from fingerlab.effects import CATALOGUE
 from fingerlab.models.file import ParameterEstimate, write_model
 from fingerlab.prediction import fit_extended, model_of_extended
-from fingerlab.prediction.extended import ChosenEffect, Variant
+from fingerlab.prediction.extended import CELLS, Band, ChosenEffect, Variant
 from fingerlab.prediction.force import contact_stretches, solved_forces
 from fingerlab.prediction.inverse import LEAD_S, needed_torque
-from fingerlab.prediction.judging import CELLS, Band
 from fingerlab.prediction.target import ContactPose, pose_by_hand, pose_of_run, wanted_force
 from fingerlab.rig.constants import Finger, Motor, Rig
 from fingerlab.sessions import open_session
@@ -199,8 +198,7 @@ def test_ramps_steps_and_a_table(tmp_path: Path) -> None:
 @pytest.fixture(scope="module")
 def practised(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     """A simulated session with contact, and the model fitted to it."""
-    from fingerlab.twin.bench import load_preset
-    from fingerlab.twin.protocols import single_run
+    from fingerlab.twin.protocols import load_preset, single_run
     from fingerlab.twin.session import write_session
 
     folder = tmp_path_factory.mktemp("inverse")
@@ -219,7 +217,7 @@ def practised(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
 
 
 def call(*arguments: str) -> Any:
-    from fingerlab.cli.inverse import inverse
+    from fingerlab.cli.predict import inverse
     from fingerlab.cli.record import record
     from fingerlab.cli.simulate import simulate
 

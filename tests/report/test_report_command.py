@@ -10,9 +10,8 @@ from xml.etree import ElementTree
 import pytest
 
 from fingerlab.core.text import printed
-from fingerlab.twin.bench import load_preset
 from fingerlab.twin.effects import parse_effects
-from fingerlab.twin.protocols import RunPlan
+from fingerlab.twin.protocols import RunPlan, load_preset
 from fingerlab.twin.session import write_session
 from tests.cli.calling import run_command
 

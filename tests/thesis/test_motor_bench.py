@@ -11,7 +11,7 @@ import pytest
 from fingerlab.core.errors import UserError
 from fingerlab.rig.constants import Motor, Rig
 from fingerlab.sessions import open_session
-from fingerlab.thesis.motor_bench import fit_motor_bench
+from fingerlab.thesis.fitting import fit_motor_bench
 
 from . import invented as made
 

@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 
 from fingerlab.core.errors import UserError
-from fingerlab.twin.bench import load_preset
 from fingerlab.twin.effects import EFFECTS, parse_effects
-from fingerlab.twin.protocols import RunPlan
+from fingerlab.twin.protocols import RunPlan, load_preset
 from fingerlab.twin.recording import Recorded, simulate_session
 
 PLANS = (

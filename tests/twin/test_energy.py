@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fingerlab.twin.bench import build_bench, draw_truth, load_preset, place_bench
+from fingerlab.twin.bench import build_bench, draw_truth, place_bench
 from fingerlab.twin.integrate import advance, cable_path, finger_mass, fingertip, pose
 from fingerlab.twin.plant import BRISTLES, STATE
+from fingerlab.twin.protocols import load_preset
 
 SECONDS = 1.0
 CURRENT = 0.6

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from fingerlab.twin.bench import build_bench, draw_truth, load_preset, place_bench
+from fingerlab.twin.bench import build_bench, draw_truth, place_bench
 from fingerlab.twin.integrate import (
     advance_finger,
     advance_motor,
@@ -23,6 +23,7 @@ from fingerlab.twin.integrate import (
     pose,
 )
 from fingerlab.twin.plant import BRISTLES, MCP, STATE
+from fingerlab.twin.protocols import load_preset
 
 
 @pytest.fixture

@@ -10,9 +10,9 @@ import pytest
 
 from fingerlab.acquisition.control.trajectories import read_trajectory
 from fingerlab.core.errors import UserError
-from fingerlab.twin.bench import build_bench, draw_truth, load_preset
+from fingerlab.twin.bench import build_bench, draw_truth
 from fingerlab.twin.effects import apply_effects, parse_effects
-from fingerlab.twin.protocols import PROTOCOLS, RunPlan, single_run
+from fingerlab.twin.protocols import PROTOCOLS, RunPlan, load_preset, single_run
 from fingerlab.twin.recording import STEPS, approach, drive, simulate_session
 
 PRACTICE = load_preset()

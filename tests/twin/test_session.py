@@ -14,9 +14,8 @@ from click.testing import CliRunner
 from fingerlab.cli.simulate import reveal, simulate
 from fingerlab.core.errors import UserError
 from fingerlab.sessions import open_session
-from fingerlab.twin.bench import load_preset, parse_preset
 from fingerlab.twin.effects import EFFECTS
-from fingerlab.twin.protocols import PROTOCOLS, RunPlan, single_run
+from fingerlab.twin.protocols import PROTOCOLS, RunPlan, load_preset, parse_preset, single_run
 from fingerlab.twin.session import PRACTISED, pick_hidden, reveal_session, seal, unseal, write_session
 
 SHORT = [

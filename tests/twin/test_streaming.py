@@ -9,11 +9,10 @@ import pytest
 
 from fingerlab.acquisition.control.trajectories import read_trajectory
 from fingerlab.core.errors import UserError
-from fingerlab.twin.bench import load_preset
 from fingerlab.twin.effects import parse_effects
 from fingerlab.twin.integrate import position_loop
 from fingerlab.twin.plant import OUTPUTS, STATE
-from fingerlab.twin.protocols import RunPlan
+from fingerlab.twin.protocols import RunPlan, load_preset
 from fingerlab.twin.recording import (
     PERIOD,
     BenchStream,

@@ -16,8 +16,8 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication, QFileDialog
 from pytestqt.qtbot import QtBot
 
-from fingerlab.acquisition.bench.inline import InlineBench
-from fingerlab.acquisition.check_rig.kept import KeptCheck
+from fingerlab.acquisition.bench.process_bench import InlineBench
+from fingerlab.acquisition.check_rig.walk import KeptCheck
 from fingerlab.devices.choosing import detect
 from fingerlab.devices.faults import Faults
 from fingerlab.diagnosis.answer.results import Diagnosis
@@ -123,8 +123,8 @@ def unconnected(monkeypatch, make_window, settings: Settings, qtbot: QtBot, tmp_
         build: Callable[[Any], Any], find: Any = lambda rig_file: detect(), checks: Path | None = None
     ) -> Rig:
         monkeypatch.setattr(acquire_tab, "ask_to_close", lambda *_: True)
-        monkeypatch.setattr("fingerlab.calibration.applying.default_folder", lambda *_: tmp_path / "own")
-        kept = "fingerlab.acquisition.check_rig.kept"
+        monkeypatch.setattr("fingerlab.calibration.store.default_folder", lambda *_: tmp_path / "own")
+        kept = "fingerlab.acquisition.check_rig.walk"
         if checks is None:
             monkeypatch.setattr(f"{kept}.last_check", lambda *_: KeptCheck("2026-11-23T08:00:00"))
         else:

@@ -17,7 +17,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from fingerlab.models.project import TriedModel
+from fingerlab.models.file import TriedModel
 from fingerlab.prediction.comparing import ComparedModel, ModelComparison
 from fingerlab.ui.acquire.acquire_bars import FROM_FILE
 from fingerlab.ui.acquire.acquire_tab import ask_to_close

@@ -20,8 +20,7 @@ from PySide6.QtWidgets import QApplication, QComboBox, QWidget
 from shiboken6 import isValid
 
 from fingerlab.acquisition.bench.bench import Bench
-from fingerlab.acquisition.control.commands import Enable, Initialise, Release, Reset, SetUp, Start
-from fingerlab.acquisition.control.machine import Mode
+from fingerlab.acquisition.control.machine import Enable, Initialise, Mode, Release, Reset, SetUp, Start
 from fingerlab.acquisition.ring import COLUMN, RowFlag
 from fingerlab.core.errors import UserError
 from fingerlab.ui.acquire.acquire_tab import AcquireTab

@@ -18,12 +18,11 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from fingerlab.acquisition.control.commands import SetGains
-from fingerlab.acquisition.control.machine import Event, Mode
+from fingerlab.acquisition.control.machine import Event, Mode, SetGains
 from fingerlab.acquisition.protocols.driver import LONGEST_BEFORE_S
 from fingerlab.core.text import grouped
 from fingerlab.rig.constants import Rig
-from fingerlab.sessions.format import FINGER_PHASES
+from fingerlab.sessions.model import FINGER_PHASES
 
 from ..app.undo import FormHistory
 from ..widgets.fields import (

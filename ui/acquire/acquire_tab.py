@@ -13,11 +13,12 @@ from PySide6.QtCore import QTimer
 from PySide6.QtWidgets import QMessageBox, QStackedWidget, QWidget
 
 from fingerlab.acquisition.bench.bench import line_words
-from fingerlab.acquisition.control.commands import (
+from fingerlab.acquisition.control.machine import (
     Disable,
     Enable,
     Finish,
     Jog,
+    Mode,
     Release,
     Reset,
     SetGains,
@@ -26,7 +27,6 @@ from fingerlab.acquisition.control.commands import (
     Tare,
     initial_of,
 )
-from fingerlab.acquisition.control.machine import Mode
 from fingerlab.acquisition.control.position import Gains
 from fingerlab.acquisition.protocols.driver import find_contact, take_up_slack
 from fingerlab.acquisition.protocols.steps import countdown, prompt_of

@@ -11,8 +11,7 @@ import numpy as np
 from PySide6.QtCore import QObject, Qt, QTimer, Signal
 
 from fingerlab.acquisition.bench.bench import Bench, Kind, Status, endangered, notices
-from fingerlab.acquisition.control.commands import Command, SetUp
-from fingerlab.acquisition.control.machine import MODE_WORDS, Event, Machine, Mode
+from fingerlab.acquisition.control.machine import MODE_WORDS, Command, Event, Machine, Mode, SetUp
 from fingerlab.acquisition.ring import COLUMN, CycleTimes, RingReader
 
 from ..app.context import ApplicationContext, Light, RigLine
@@ -22,7 +21,7 @@ from .live_channels import FORCE_RESIDUAL, MODELLED, MODELLED_FORCE, MODELLED_TO
 from .live_history import LiveHistory
 
 if TYPE_CHECKING:
-    from fingerlab.acquisition.bench.inline import InlineBench
+    from fingerlab.acquisition.bench.process_bench import InlineBench
     from fingerlab.models.live import Balance, LiveModel
 
 TICK_MS = 33
@@ -365,7 +364,7 @@ class BenchController(QObject):
 
 def has_virtual_clock(bench: Bench) -> TypeGuard[InlineBench]:
     """Whether its time only passes when it is told to; such a bench has its own, late import."""
-    module = sys.modules.get("fingerlab.acquisition.bench.inline")
+    module = sys.modules.get("fingerlab.acquisition.bench.process_bench")
     return module is not None and isinstance(bench, module.InlineBench)
 
 

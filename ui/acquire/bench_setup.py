@@ -12,13 +12,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fingerlab.acquisition.bench.bench import Bench
-from fingerlab.acquisition.control.commands import Finish, SetUp, Start
+from fingerlab.acquisition.control.machine import Finish, SetUp, Start
 from fingerlab.acquisition.protocols.steps import LIFT_S, Lift, lifting, plan_steps
 from fingerlab.core.errors import UserError
 
 if TYPE_CHECKING:
     from fingerlab.acquisition.bench.steering import LoopSettings
-    from fingerlab.acquisition.check_rig.kept import KeptCheck
+    from fingerlab.acquisition.check_rig.walk import KeptCheck
     from fingerlab.core.trust import OwnSource
     from fingerlab.devices.choosing import DeviceChoice
     from fingerlab.devices.protocol import FoundDevice
@@ -108,10 +108,10 @@ def open_bench(wanted: BenchRequest, make: MakeBench = in_processes) -> OpenBenc
             stored calibration is damaged.
     """
     from fingerlab.acquisition.bench.steering import LoopSettings
-    from fingerlab.acquisition.check_rig.kept import bench_key, checks_folder, last_check
     from fingerlab.acquisition.check_rig.look import check_settings
+    from fingerlab.acquisition.check_rig.walk import bench_key, checks_folder, last_check
     from fingerlab.acquisition.control.units import BenchUnits
-    from fingerlab.calibration.applying import default_folder, rig_and_attributes
+    from fingerlab.calibration.store import default_folder, rig_and_attributes
     from fingerlab.devices.choosing import CARD, OWN, REPLAY, choose_device
     from fingerlab.devices.faults import fault_after
     from fingerlab.devices.protocol import SelfDescribing
@@ -207,7 +207,7 @@ def find_devices(rig_file: Path | None) -> tuple[FoundDevice, ...]:
     Raises:
         UserError: the rig file cannot be read.
     """
-    from fingerlab.acquisition.check_rig.kept import checks_folder, last_check
+    from fingerlab.acquisition.check_rig.walk import checks_folder, last_check
     from fingerlab.devices.choosing import CARD, detect
     from fingerlab.rig.file import default_rig, load_rig
 

@@ -67,8 +67,7 @@ class CheckRun(QObject):
         self._bench, self.under_way = opened.bench, True
 
         def work(bench: Bench) -> tuple[CheckProtocol, str]:
-            from fingerlab.acquisition.check_rig.kept import keep
-            from fingerlab.acquisition.check_rig.walk import check_rig
+            from fingerlab.acquisition.check_rig.walk import check_rig, keep
 
             protocol = check_rig(bench, rig, self, what.source, what.card, key=what.key)
             place = keep(protocol, what.folder) if what.folder is not None else ""

@@ -10,7 +10,7 @@ from PySide6.QtCore import QObject
 from PySide6.QtWidgets import QFileDialog
 
 from fingerlab.core.errors import UserError
-from fingerlab.sessions.format import FINGER_PHASES
+from fingerlab.sessions.model import FINGER_PHASES
 
 from ..app.context import ApplicationContext
 from .acquire_bars import FILE, FROM_FILE, NO_MODEL, NOMINAL, PlotToolbar

@@ -27,7 +27,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from fingerlab.acquisition.control.commands import SetGains
+from fingerlab.acquisition.control.machine import SetGains
 from fingerlab.acquisition.control.position import GAIN_RANGES, Gains
 from fingerlab.acquisition.control.trajectories import (
     BY_POINTS,

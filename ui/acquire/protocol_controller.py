@@ -13,7 +13,7 @@ from typing import Any
 from PySide6.QtCore import QObject, Signal
 
 from fingerlab.acquisition.bench.bench import Bench, Status
-from fingerlab.acquisition.control.commands import Initialise, SetUp
+from fingerlab.acquisition.control.machine import Initialise, SetUp
 from fingerlab.acquisition.control.trajectories import read_trajectory
 from fingerlab.acquisition.protocols.driver import ProtocolDriver
 from fingerlab.acquisition.protocols.steps import Change, Record, Step, countdown

@@ -22,7 +22,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from fingerlab.acquisition.control.commands import LARGEST_DEG, Initialise
+from fingerlab.acquisition.control.machine import LARGEST_DEG, Initialise
 from fingerlab.acquisition.protocols.steps import (
     PlannedRun,
     Record,

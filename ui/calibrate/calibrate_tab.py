@@ -10,14 +10,22 @@ from typing import Any
 
 from PySide6.QtWidgets import QFileDialog, QMessageBox, QStackedWidget, QWidget
 
-from fingerlab.acquisition.control.commands import MoveByHand
+from fingerlab.acquisition.control.machine import MoveByHand
 from fingerlab.acquisition.ring import COLUMN
 from fingerlab.calibration import SENSORS, StepTiming
-from fingerlab.calibration.applying import CHANNELS, apply_again, default_folder
 from fingerlab.calibration.offline import outcome_from_files
 from fingerlab.calibration.outcome import CalibrationOutcome
 from fingerlab.calibration.sensors import Sensor, own_plan, standard_plan
-from fingerlab.calibration.store import ACCEPTED, REJECTED, WITH_REASON, CalibrationRecord, CalibrationStore
+from fingerlab.calibration.store import (
+    ACCEPTED,
+    CHANNELS,
+    REJECTED,
+    WITH_REASON,
+    CalibrationRecord,
+    CalibrationStore,
+    apply_again,
+    default_folder,
+)
 from fingerlab.calibration.wizard import Phase, Wizard
 from fingerlab.core.errors import UserError
 

@@ -17,7 +17,7 @@ from ..widgets.tables import NumberTable
 from ..widgets.theme import small_font
 
 if TYPE_CHECKING:
-    from fingerlab.report.replicate import ComparedQuantity
+    from fingerlab.report.comparison_words import ComparedQuantity
 
 WIDTH, HEIGHT = 760, 620
 MOST_BENCHES = 100
@@ -80,7 +80,7 @@ class ReplicateDialog(QDialog):
 
         def work(progress: Progress, cancelled: IsCancelled) -> tuple[ComparedQuantity, ...]:
             from fingerlab.core.progress import Watch
-            from fingerlab.report.replicate import replicated
+            from fingerlab.report.comparison_words import replicated
 
             return replicated(PRESET, seeds, Watch(progress, cancelled))
 
@@ -88,7 +88,7 @@ class ReplicateDialog(QDialog):
         self._worker.start("Replicating", work, self._show)
 
     def _show(self, lines: Sequence[ComparedQuantity]) -> None:
-        from fingerlab.report.replicate import cells, outcome_sentences
+        from fingerlab.report.comparison_words import cells, outcome_sentences
 
         self.table.show_rows([[with_minus(text) for text in cells(line)] for line in lines])
         for row, line in enumerate(lines):

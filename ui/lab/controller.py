@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 from PySide6.QtCore import QObject, Signal
 
 from fingerlab.core.errors import UserError
-from fingerlab.diagnosis.answer.results import Diagnosis
-from fingerlab.models.project import (
+from fingerlab.diagnosis.answer.results import Diagnosis, FirstLook
+from fingerlab.models.file import (
     Held,
     ModelKey,
     Project,
@@ -23,14 +23,14 @@ from fingerlab.models.project import (
     with_model,
 )
 from fingerlab.report.diagnosis_words import effect_title, in_sentence, listed
-from fingerlab.report.story import story
+from fingerlab.report.score_words import story
 from fingerlab.sessions.model import Session
 
 from ..app.context import part_of
 from ..app.worker import IsCancelled, Progress, Work, Worker
 
 if TYPE_CHECKING:
-    from fingerlab.diagnosis.answer.at_hand import ParametersAtHand
+    from fingerlab.diagnosis.answer.errors import ParametersAtHand
     from fingerlab.diagnosis.gram.reduction import Reduction
 
 
@@ -116,7 +116,8 @@ class ModelHistory:
 
 
 DiagnoseCall = Callable[..., Diagnosis]
-"""Of sessions, effects added, progress and whether to stop; with ``held``, where something is."""
+"""Of sessions, effects added, progress and whether to stop; with ``held``, where something is, and ``first``
+of an instrument's own, which tells the error of the model while the rest is worked out."""
 
 
 class SessionDiagnosis:
@@ -132,19 +133,20 @@ class SessionDiagnosis:
         progress: Progress,
         cancelled: IsCancelled,
         held: Held = (),
+        first: Callable[[FirstLook], None] | None = None,
     ) -> Diagnosis:
         """Called in the worker, where it is imported, so that the window opens without waiting for it."""
         from fingerlab.diagnosis import diagnose
 
         kept = self._reduction(sessions)
-        return diagnose(sessions, added, progress, cancelled, kept=kept, held=dict(held))
+        return diagnose(sessions, added, progress, cancelled, kept=kept, held=dict(held), first=first)
 
     def at_hand(
         self, sessions: Sequence[Session], diagnosis: Diagnosis, progress: Progress, cancelled: IsCancelled
     ) -> ParametersAtHand:
         """The parameters of a diagnosed model, to be moved; called in the worker, too."""
         from fingerlab.core.progress import Watch
-        from fingerlab.diagnosis.answer.at_hand import ParametersAtHand
+        from fingerlab.diagnosis.answer.errors import ParametersAtHand
 
         return ParametersAtHand(self._reduction(sessions), diagnosis, Watch(progress, cancelled))
 
@@ -163,11 +165,13 @@ class LabController(QObject):
     Attributes:
         wanted: effects of a saved model, and what it holds, that the next comparison is to begin with.
         known: diagnoses of every model that was fitted to the open sessions, branches and all.
+        first_look: what is known already of the model that is being diagnosed; None: nothing, or none is.
 
     Signals:
         sessions_changed: other sessions are open, or none.
         result_changed: another diagnosis is shown, or none any more.
         activity_changed: work started or ended.
+        first_look_changed: the error of the model that is being diagnosed is there, or is no longer needed.
         restored: what was done with the open sessions before is there again.
         kept_badly(sentence): the project could not be read or written.
     """
@@ -177,6 +181,8 @@ class LabController(QObject):
     activity_changed = Signal()
     restored = Signal()
     kept_badly = Signal(str)
+    first_look_changed = Signal()
+    _looked = Signal(object, object)  # from the worker's thread to this one
 
     def __init__(
         self, tasks: Worker, diagnose: DiagnoseCall | None = None, parent: QObject | None = None
@@ -188,10 +194,14 @@ class LabController(QObject):
         self.project: Project | None = None
         self.wanted: ModelKey = ((), ())
         self.known: dict[ModelKey, Diagnosis] = {}
+        self.first_look: FirstLook | None = None
+        self._running: ModelKey | None = None
         own = diagnose if isinstance(diagnose, SessionDiagnosis) else SessionDiagnosis()
         self._diagnose, self._at_hand = diagnose or own, own.at_hand
         tasks.started.connect(self.activity_changed)
         tasks.ended.connect(self.activity_changed)
+        tasks.ended.connect(self._forget_look)
+        self._looked.connect(self._take_look)
 
     @property
     def diagnosis(self) -> Diagnosis | None:
@@ -208,6 +218,7 @@ class LabController(QObject):
         self.sessions = sessions
         self.history = self.project = None
         self.known = {}
+        self._forget_look()
         self.sessions_changed.emit()
         self.result_changed.emit()
 
@@ -361,6 +372,7 @@ class LabController(QObject):
     def _move(self, step: Callable[[ModelHistory], None]) -> None:
         if self.history is not None:
             self.tasks.cancel()
+            self._forget_look()
             step(self.history)
             self._forget_moved()
             self.keep()
@@ -377,19 +389,39 @@ class LabController(QObject):
             self.project = replace(self.project, moved=())
 
     def _diagnosed(
-        self, sessions: Sequence[Session], key: ModelKey, progress: Progress, cancelled: IsCancelled
+        self,
+        sessions: Sequence[Session],
+        key: ModelKey,
+        progress: Progress,
+        cancelled: IsCancelled,
+        **options: Any,
     ) -> Diagnosis:
         added, held = key
-        options = {"held": held} if held else {}
+        if held:
+            options["held"] = held
         return self._diagnose(sessions, added, progress, cancelled, **options)
 
     def _run(self, history: ModelHistory, key: ModelKey, title: str) -> None:
-        sessions = self.sessions
-        self._start(
-            title,
-            lambda progress, cancelled: self._diagnosed(sessions, key, progress, cancelled),
-            partial(self._push, history, key),
-        )
+        sessions, own = self.sessions, isinstance(self._diagnose, SessionDiagnosis)
+
+        def work(progress: Progress, cancelled: IsCancelled) -> Diagnosis:
+            look = {"first": partial(self._looked.emit, key)} if own else {}
+            return self._diagnosed(sessions, key, progress, cancelled, **look)
+
+        self._start(title, work, partial(self._push, history, key))
+        self._running = key
+
+    def _take_look(self, key: ModelKey, look: FirstLook) -> None:
+        if key == self._running:
+            self.first_look = look
+            self.first_look_changed.emit()
+
+    def _forget_look(self) -> None:
+        """What was known already is not shown any more: the whole answer is there, or none will come."""
+        self._running = None
+        if self.first_look is not None:
+            self.first_look = None
+            self.first_look_changed.emit()
 
     def _start(self, title: str, work: Work, done: Callable[[Any], None]) -> None:
         sessions = self.sessions

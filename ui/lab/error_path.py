@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from PySide6.QtCore import QEvent, QRectF, QSize, Qt, Signal
-from PySide6.QtGui import QColor, QFontMetricsF, QHelpEvent, QPainter, QPaintEvent, QPen
+from PySide6.QtGui import QBrush, QColor, QFontMetricsF, QHelpEvent, QPainter, QPaintEvent, QPen
 from PySide6.QtWidgets import QGridLayout, QLabel, QPushButton, QSizePolicy, QToolTip, QWidget
 
 from fingerlab.core.text import r2_text, score_text
@@ -27,6 +27,8 @@ from .result_words import FLOOR_HELP, SCORE_HELP, error_texts
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from fingerlab.diagnosis.answer.results import FirstLook
+
 BAR_WIDTH = 40.0
 MIN_COLUMN = 96.0
 FLOOR_SCORE = 1.0
@@ -34,21 +36,41 @@ FLOOR_SCORE = 1.0
 
 @dataclass(frozen=True)
 class ErrorBar:
-    """One model of the path; ``tried`` ones are filled, the diagnosis' own suggestions outlined."""
+    """One model of the path; ``tried`` ones are filled, the diagnosis' own suggestions outlined.
+
+    One that is ``under_way`` is fitted, and hatched while it is worked out what else is missing beside it.
+    """
 
     title: str
     score: float
     tried: bool
+    under_way: bool = False
+
+    @property
+    def remark(self) -> str:
+        """What its number is, where it is not that of a model that was tried."""
+        return "" if self.tried else UNDER_WAY if self.under_way else "would be"
 
 
-def bars_of(history: ModelHistory, chosen: str = "") -> list[ErrorBar]:
-    """What was done, then what the effect ``chosen`` would bring, or else what the diagnosis would add."""
+UNDER_WAY = "still being worked out"
+
+
+def bars_of(history: ModelHistory, chosen: str = "", look: FirstLook | None = None) -> list[ErrorBar]:
+    """What was done, then what the effect ``chosen`` would bring, or else what the diagnosis would add.
+
+    Args:
+        look: at the model that is being diagnosed; it comes in place of what would be.
+    """
     done = history.done
     bars = []
     for before, step in zip((None, *done), done, strict=False):
         came, gone = step.change_from(before) if before is not None else (step.added, ())
         title = _change_title(came, gone) or (_held_title(step, before) if before is not None else "")
         bars.append(ErrorBar(title or "Nominal", step.diagnosis.score, True))
+    if look is not None:
+        came = tuple(name for name in look.model if name not in history.now.added)
+        gone = tuple(name for name in history.now.added if name not in look.model)
+        return [*bars, ErrorBar(_change_title(came, gone), look.score, False, under_way=True)]
     path = [step for step in history.now.diagnosis.path if step.added is not None]
     judged = next((c for c in history.now.diagnosis.candidates if c.effect == chosen), None)
     if judged is not None and not (path and path[0].added == chosen):
@@ -89,6 +111,7 @@ class ErrorPath(QWidget):
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
         self.bars: list[ErrorBar] = []
         self._history: ModelHistory | None = None
+        self._look: FirstLook | None = None
 
     def sizeHint(self) -> QSize:
         return QSize(400, 104)
@@ -98,26 +121,32 @@ class ErrorPath(QWidget):
 
     def show_history(self, history: ModelHistory | None) -> None:
         """Show the path up to the present model."""
-        self._history = history
+        self._history, self._look = history, None
+        self.show_forecast("")
+
+    def show_first_look(self, look: FirstLook) -> None:
+        """Show the error of the model that is being diagnosed, until its history is shown."""
+        self._look = look
         self.show_forecast("")
 
     def show_forecast(self, effect: str) -> None:
         """Foretell the error with this effect (an id); for an outcome, what the path would add."""
-        self.bars = bars_of(self._history, effect) if self._history is not None else []
+        self.bars = bars_of(self._history, effect, self._look) if self._history is not None else []
         self.setAccessibleDescription(self.text())
         self.update()
 
     def text(self) -> str:
         """The path in words."""
         words = [
-            f"{bar.title} {score_text(bar.score)}" + ("" if bar.tried else " (would be)") for bar in self.bars
+            f"{bar.title} {score_text(bar.score)}" + (f" ({bar.remark})" if bar.remark else "")
+            for bar in self.bars
         ]
         return " → ".join(words) + (", in multiples of the floor" if words else "")
 
     def shown_series(self) -> list[Series]:
         """For CSV: the error of each model in multiples of the floor, by how many effects it has."""
-        tried = [bar for bar in self.bars if bar.tried]
-        parts = (("", 0, tried), ("would be", len(tried), [bar for bar in self.bars if not bar.tried]))
+        tried, others = ([bar for bar in self.bars if bar.tried == wanted] for wanted in (True, False))
+        parts = (("", 0, tried), (others[0].remark if others else "", len(tried), others))
         return [
             Series(
                 name,
@@ -134,7 +163,7 @@ class ErrorPath(QWidget):
         """The bars with their names and numbers, for paper."""
         from fingerlab.report.figure_style import CANDIDATE, RESIDUAL, draw_score_bars
 
-        names = [bar.title if bar.tried else f"{bar.title} (would be)" for bar in self.bars]
+        names = [f"{bar.title} ({bar.remark})" if bar.remark else bar.title for bar in self.bars]
         colours = [RESIDUAL if bar.tried else CANDIDATE for bar in self.bars]
         draw_score_bars(figure, names, [bar.score for bar in self.bars], colours)
 
@@ -182,10 +211,13 @@ class ErrorPath(QWidget):
         if bar.tried:
             painter.fillRect(body, QColor(colours.residual))
         else:
+            if bar.under_way:
+                painter.fillRect(body, QBrush(QColor(colours.residual), Qt.BrushStyle.BDiagPattern))
             painter.setPen(QPen(QColor(colours.residual), 1, Qt.PenStyle.DashLine))
             painter.drawRect(body.adjusted(0.5, 0.5, -0.5, 0))
         painter.setPen(QColor(colours.text if bar.tried else colours.muted))
-        number = score_text(bar.score) if bar.tried else f"({score_text(bar.score)})"
+        number = score_text(bar.score)
+        number = f"{number} …" if bar.under_way else number if bar.tried else f"({number})"
         above = QRectF(body.left(), body.top() - metrics.height() - 1, room.width() - 8, metrics.height())
         painter.drawText(above, Qt.AlignmentFlag.AlignLeft, number)
         below = QRectF(body.left(), body.bottom() + 1, room.width() - 8, metrics.height())
@@ -220,8 +252,8 @@ class ErrorTable(QWidget):
         self.setFocusPolicy(Qt.FocusPolicy.ClickFocus)  # so that Ctrl+C is meant for it
         copies(self, lambda: cells_of_grid(self._grid))
 
-    def show_history(self, history: ModelHistory | None) -> None:
-        """Rebuild the rows for the present model."""
+    def show_history(self, history: ModelHistory | None, look: FirstLook | None = None) -> None:
+        """Rebuild the rows for the present model, or as far as they are known for the one under way."""
         while self._labels:
             label = self._labels.pop()
             self._grid.removeWidget(label)
@@ -231,15 +263,19 @@ class ErrorTable(QWidget):
         single = alone(history.now.diagnosis)
         for column, text in enumerate(("error", *HEADINGS[1:]) if single else HEADINGS):
             self._put(0, column, text, muted=True, help_text=COLUMN_HELP[column])
-        first, now = history.first.diagnosis.errors, history.now.diagnosis.errors
+        first = history.first.diagnosis.errors
+        now = history.now.diagnosis.errors if look is None else look.errors
         spoken = []
         for row, (family, error) in enumerate(now.items(), start=1):
             before, after, floor, unit = error_texts(first.get(family, error), error)
             title = FAMILY_TITLES.get(family, family)
             cells = (title, before, after, floor, unit, r2_text(error.r2))
             for column, text in enumerate(cells):
-                self._put(row, column, text, bold=column == 2, help_text=COLUMN_HELP[column])
-            spoken.append(f"{title}: nominal {before}, now {after}, floor {floor} {unit}")
+                unsettled = look is not None and column in (2, 5)
+                help_text = f"{COLUMN_HELP[column]} It is {UNDER_WAY}." if unsettled else COLUMN_HELP[column]
+                self._put(row, column, text, muted=unsettled, bold=column == 2, help_text=help_text)
+            settled = "" if look is None else f" ({UNDER_WAY})"
+            spoken.append(f"{title}: nominal {before}, now {after}{settled}, floor {floor} {unit}")
         self._grid.setRowStretch(len(now) + 1, 1)
         self.setAccessibleDescription("; ".join(spoken))
 
@@ -288,6 +324,11 @@ class PathPanel(QWidget):
         self.redo.clicked.connect(self.redo_asked)
         buttons = vbox(None, Spacer(1), self.undo, self.redo, Spacer(1), spacing=8)
         hbox(self, (self.path, 1), buttons, self.table, margins=FLUSH, spacing=16)
+
+    def show_first_look(self, history: ModelHistory, look: FirstLook) -> None:
+        """Show what is known already of the model that is being diagnosed."""
+        self.path.show_first_look(look)
+        self.table.show_history(history, look)
 
     def show_history(self, history: ModelHistory | None) -> None:
         """Show the path, the errors, and what undo and redo would do."""

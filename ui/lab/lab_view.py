@@ -10,9 +10,8 @@ from PySide6.QtWidgets import QPushButton, QStackedWidget, QWidget
 
 from fingerlab.core.errors import UserError
 from fingerlab.diagnosis.answer.results import Comparison
-from fingerlab.diagnosis.answer.shapes import full_rate
-from fingerlab.diagnosis.answer.where import Profile, stretches_in, worst_run
-from fingerlab.models.project import View
+from fingerlab.diagnosis.answer.where import Profile, full_rate, stretches_in, worst_run
+from fingerlab.models.file import View
 from fingerlab.report.diagnosis_words import bin_words, not_shown
 from fingerlab.sessions.model import Array
 
@@ -117,6 +116,7 @@ class LabView(QWidget):
         self.parameters.kept.connect(self.controller.keep_moved)
         self.controller.result_changed.connect(self.refresh)
         self.controller.activity_changed.connect(self._on_activity)
+        self.controller.first_look_changed.connect(self._on_first_look)
 
     def refresh(self) -> None:
         """Show the controller's present diagnosis."""
@@ -346,6 +346,13 @@ class LabView(QWidget):
         self.path.path.show_forecast(key)
         self.evidence.show_choice(key, self.controller.diagnosis)
         self.right.setCurrentWidget(self.evidence)
+
+    def _on_first_look(self) -> None:
+        history, look = self.controller.history, self.controller.first_look
+        if history is not None and look is not None:
+            self.path.show_first_look(history, look)
+        else:
+            self.path.show_history(history)
 
     def _on_activity(self) -> None:
         self.candidates.set_busy(self.controller.tasks.busy)

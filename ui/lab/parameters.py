@@ -16,7 +16,7 @@ from PySide6.QtWidgets import QCheckBox, QHeaderView, QPushButton, QSlider, QTab
 
 from fingerlab.core.text import ScreenUnit, fixed, largest_of, score_text
 from fingerlab.diagnosis.answer.results import Comparison, Diagnosis, EquationError
-from fingerlab.models.project import Held
+from fingerlab.models.file import Held
 from fingerlab.report.diagnosis_words import FAMILY_TITLES
 from fingerlab.report.parameter_words import cells, known_by, parameter_title, places_of, shown_unit
 
@@ -30,7 +30,7 @@ from .comparison_curves import joined, run_key
 from .result_words import error_texts
 
 if TYPE_CHECKING:
-    from fingerlab.diagnosis.answer.at_hand import FittedParameter, ParametersAtHand, WhatIf
+    from fingerlab.diagnosis.answer.errors import FittedParameter, ParametersAtHand, WhatIf
 
 STEPS = 1000
 """Places of the slider."""

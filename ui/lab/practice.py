@@ -48,9 +48,8 @@ def simulate(progress: Progress, cancelled: IsCancelled, example: str = "") -> P
         Cancelled: the user stopped it; nothing is left behind.
     """
     progress(0.0, "preparing the simulated rig")
-    from fingerlab.twin.bench import load_preset
     from fingerlab.twin.effects import parse_effects
-    from fingerlab.twin.protocols import PROTOCOLS
+    from fingerlab.twin.protocols import PROTOCOLS, load_preset
     from fingerlab.twin.session import new_seed, write_session
 
     folder = practice_folder()

@@ -16,7 +16,7 @@ from PySide6.QtWidgets import (
 )
 
 from fingerlab.core.text import score_text
-from fingerlab.models.project import Held, ModelKey, TriedModel
+from fingerlab.models.file import Held, ModelKey, TriedModel
 from fingerlab.report.diagnosis_words import effect_title, in_sentence, listed
 from fingerlab.report.parameter_words import held_words
 

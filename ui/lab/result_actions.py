@@ -12,7 +12,7 @@ from PySide6.QtWidgets import QFileDialog, QWidget
 from fingerlab.core.errors import UserError
 from fingerlab.core.files import put_in_place
 from fingerlab.diagnosis.answer.results import Diagnosis
-from fingerlab.models.project import ModelKey
+from fingerlab.models.file import ModelKey
 from fingerlab.sessions.model import Session
 
 from ..app.context import ApplicationContext

@@ -17,11 +17,10 @@ from PySide6.QtWidgets import (
 
 from fingerlab.core.text import ScreenUnit, score_text, screen_unit
 from fingerlab.diagnosis.answer.results import Comparison, Diagnosis
-from fingerlab.models.project import ModelKey
+from fingerlab.models.file import ModelKey
 from fingerlab.report.diagnosis_words import FAMILY_TITLES, PHASE_WORDS
 from fingerlab.report.parameter_words import parameter_title, value_words
-from fingerlab.report.score_words import runs_words
-from fingerlab.report.story import evidence_for
+from fingerlab.report.score_words import evidence_for, runs_words
 from fingerlab.sessions.model import Array
 
 from ..widgets.labels import WholeLabel

@@ -8,7 +8,7 @@ from pathlib import Path
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QFrame, QPushButton, QVBoxLayout, QWidget
 
-from fingerlab.models.project import project_path
+from fingerlab.models.file import project_path
 
 from ..widgets.fields import centred_column, set_usable
 from ..widgets.labels import WholeLabel, heading, remark

@@ -12,8 +12,7 @@ from PySide6.QtWidgets import QComboBox, QLabel, QStackedWidget, QWidget
 
 from fingerlab.core.text import ScreenUnit, largest_of, screen_unit
 from fingerlab.diagnosis.answer.results import Comparison
-from fingerlab.diagnosis.answer.shapes import SHAPES, Shape
-from fingerlab.diagnosis.answer.where import COORDINATES, Profile, most_orderly, profile
+from fingerlab.diagnosis.answer.where import COORDINATES, SHAPES, Profile, Shape, most_orderly, profile
 from fingerlab.report.diagnosis_words import (
     PHASE_WORDS,
     axis_title,

@@ -19,7 +19,7 @@ from PySide6.QtWidgets import (
 )
 
 from fingerlab.core.text import fixed, r2_text
-from fingerlab.prediction.beside import RunForce
+from fingerlab.prediction.comparing import RunForce
 from fingerlab.thesis.prediction import FORCE_PHASES
 
 from ..widgets.labels import heading, remark

@@ -26,8 +26,7 @@ from .force_plots import ForcePlot, PeriodPlot, SweepPlot
 from .wanted_force import WantedView
 
 if TYPE_CHECKING:
-    from fingerlab.prediction.beside import Beside
-    from fingerlab.prediction.comparing import ModelComparison
+    from fingerlab.prediction.comparing import Beside, ModelComparison
     from fingerlab.sessions.model import Session
 
     from .models_dialog import ModelsDialog
@@ -214,7 +213,7 @@ class PredictTab(Tab):
         self._due = False
 
         def work(progress: Progress, cancelled: IsCancelled) -> Beside:
-            from fingerlab.prediction.beside import predict_beside
+            from fingerlab.prediction.comparing import predict_beside
 
             return predict_beside(opened[0], given, progress)
 

@@ -127,7 +127,6 @@ class WantedView(QObject):
 
     def take(self, session: Session | None, models: Mapping[str, Model]) -> None:
         """Another session, or other models."""
-        from fingerlab.prediction.force import contact_runs
         from fingerlab.prediction.inverse import predictors
 
         self._session = session
@@ -135,7 +134,7 @@ class WantedView(QObject):
         for file, model in models.items():
             for words, one in predictors(model, file).items():
                 self._predictors[f"{file}: {words}"] = (file, one)
-        runs = [run.name for run in contact_runs(session)] if session is not None else []
+        runs = [run.name for run in session.contact_runs()] if session is not None else []
         self.panel.show_choices(tuple(self._predictors), runs)
         self._show(None)
         if self._shown:

@@ -28,8 +28,8 @@ def diagnose_all(
     Raises:
         UserError: there is no session, or the table cannot be written. Cancelled: it was stopped.
     """
-    from fingerlab.batch.rows import Options
     from fingerlab.batch.run import locally, run_batch, table_beside
+    from fingerlab.batch.table import Options
     from fingerlab.effects import CATALOGUE, own
 
     table = table_beside(folder)

@@ -29,8 +29,7 @@ from PySide6.QtWidgets import (
 from fingerlab.core.errors import UserError
 from fingerlab.core.text import ScreenUnit, largest_of, screen_unit
 from fingerlab.report.diagnosis_words import PHASE_WORDS
-from fingerlab.sessions.format import CABLES, CHANNEL_UNITS, PHASES
-from fingerlab.sessions.model import Array
+from fingerlab.sessions.model import CABLES, CHANNEL_UNITS, PHASES, Array
 
 from ..widgets.fields import NumberField, choice, set_usable
 from ..widgets.labels import remark

@@ -22,7 +22,7 @@ from PySide6.QtWidgets import (
 from fingerlab.core.errors import UserError
 from fingerlab.library.index import SessionFacts, text_list
 from fingerlab.library.notes import FILE_NAME, HELP, Note, Verdict, matches
-from fingerlab.library.pyramid import Thumbnail
+from fingerlab.library.reviewing import Thumbnail
 
 from ..widgets.labels import ElidedLabel, heading, remark
 from ..widgets.layout import FLUSH, described, hbox, vbox

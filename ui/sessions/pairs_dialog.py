@@ -10,7 +10,7 @@ from PySide6.QtGui import QFontMetrics
 from PySide6.QtWidgets import QDialog, QDialogButtonBox, QHeaderView, QLabel, QTableWidgetItem, QWidget
 
 from fingerlab.core.text import ScreenUnit, largest_of, screen_unit
-from fingerlab.report.run_pair_words import (
+from fingerlab.report.comparison_words import (
     NOTABLE,
     cell,
     channel_title,
@@ -18,8 +18,7 @@ from fingerlab.report.run_pair_words import (
     pair_title,
     pairs_sentence,
 )
-from fingerlab.sessions.format import CHANNEL_UNITS
-from fingerlab.sessions.model import Array
+from fingerlab.sessions.model import CHANNEL_UNITS, Array
 from fingerlab.signals.run_pairs import ChannelPair, RunPair, SessionPair
 
 from ..widgets.labels import WholeLabel, remark

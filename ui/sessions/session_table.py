@@ -24,7 +24,7 @@ from PySide6.QtWidgets import QStyle, QStyledItemDelegate, QStyleOptionViewItem
 
 from fingerlab.library.index import SessionFacts
 from fingerlab.library.notes import LibraryEntry, Note, Test, Verdict
-from fingerlab.library.pyramid import Thumbnail, make_thumbnail
+from fingerlab.library.reviewing import Thumbnail, make_thumbnail
 
 from ..app.worker import Worker
 from ..widgets.layout import as_written

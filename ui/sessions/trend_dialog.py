@@ -12,7 +12,6 @@ from PySide6.QtGui import QMouseEvent
 from PySide6.QtWidgets import QDialog, QDialogButtonBox, QWidget
 
 from fingerlab.batch.changes import LEAST_SESSIONS, Change, changes
-from fingerlab.batch.rows import recorded_at
 from fingerlab.batch.table import (
     DAYS_A_MONTH,
     LEAST_TIMES,
@@ -21,10 +20,11 @@ from fingerlab.batch.table import (
     ageing_rows,
     days_of,
     number_of,
+    recorded_at,
     trends,
 )
 from fingerlab.core.text import ScreenUnit, largest_of, percent, screen_unit
-from fingerlab.report.batch_words import change_sentence, column_words, trend_cells
+from fingerlab.report.comparison_words import change_sentence, column_words, trend_cells
 from fingerlab.sessions.model import Array
 
 from ..widgets.labels import WholeLabel, heading, remark

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from fingerlab.acquisition.bench.steering import LoopSettings
 from fingerlab.acquisition.control.believing import SENSORS, window_fault
-from fingerlab.acquisition.control.commands import Initialise, MoveByHand, Tare, TryOutput
+from fingerlab.acquisition.control.machine import Initialise, MoveByHand, Tare, TryOutput
 from fingerlab.acquisition.control.safety import Reading
 from fingerlab.acquisition.control.units import Zeros
 from fingerlab.acquisition.status import Number, SharedStatus, Slot

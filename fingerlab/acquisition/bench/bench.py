@@ -12,8 +12,7 @@ from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
 
-from fingerlab.acquisition.control.commands import Command
-from fingerlab.acquisition.control.machine import Mode
+from fingerlab.acquisition.control.machine import Command, Mode
 from fingerlab.acquisition.record.recording import RunInfo, SessionInfo, seconds_of_room
 from fingerlab.acquisition.ring import Ring
 from fingerlab.acquisition.status import Input, Number, SharedStatus, Slot, Text

@@ -1,7 +1,7 @@
 """The control loop: one exchange with the device a cycle, and everything that follows from it.
 
 The loop knows no window, no file and no wall clock: its time is the sample index over the rate. It runs in
-a process of its own (``processes.py``) or is stepped on a virtual clock (``inline.py``), by the same code.
+a process of its own (``processes.py``) or is stepped on a virtual clock (``process_bench.py``), by one code.
 """
 
 from __future__ import annotations
@@ -31,14 +31,18 @@ from fingerlab.acquisition.control.believing import (
     sensors_of,
     window_fault,
 )
-from fingerlab.acquisition.control.commands import (
+from fingerlab.acquisition.control.machine import (
     AtRest,
     Command,
     Disable,
     Enable,
+    Event,
     Finish,
     HoldDeadMan,
     Initialise,
+    Interlock,
+    Machine,
+    Mode,
     MoveByHand,
     Quit,
     Release,
@@ -48,7 +52,6 @@ from fingerlab.acquisition.control.commands import (
     Tare,
     Winding,
 )
-from fingerlab.acquisition.control.machine import Event, Interlock, Machine, Mode
 from fingerlab.acquisition.control.safety import EncoderFault, Reading, Safety
 from fingerlab.acquisition.control.units import Reader
 from fingerlab.acquisition.ring import Publisher, Ring

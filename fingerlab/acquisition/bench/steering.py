@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fingerlab.acquisition.control.commands import Approach, Command, Jog, SetGains, Start, TakeUp, Winding
+from fingerlab.acquisition.control.machine import Approach, Command, Jog, SetGains, Start, TakeUp, Winding
 from fingerlab.acquisition.control.motion import Reference, Settling, TorqueDrive, check_torque
 from fingerlab.acquisition.control.position import (
     GAIN_RANGES,

@@ -1,15 +1,18 @@
-"""The steps that ask for the limits, drive the motor under them, and stop it."""
+"""The steps that take the current away or let it flow: digital lines, limits, driving and stopping."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
+from fingerlab.acquisition.check_rig.channels import HAND_SECONDS
 from fingerlab.acquisition.check_rig.look import (
     CONFIRMED,
     FAILED,
+    NOT_HERE,
     SKIPPED,
     TEST_CURRENT,
     YES,
@@ -18,10 +21,174 @@ from fingerlab.acquisition.check_rig.look import (
     Outcome,
     asked,
 )
-from fingerlab.acquisition.control.commands import Release, Reset
-from fingerlab.acquisition.control.machine import Mode
+from fingerlab.acquisition.control.machine import Mode, Release, Reset
+from fingerlab.acquisition.ring import RowFlag
+from fingerlab.acquisition.status import Input, Slot
 from fingerlab.rig.constants import Rig
 from fingerlab.rig.daq import BENCH_LIMITS, LIMIT_UNITS
+
+EMERGENCY_STOP, READY, DEAD_MAN = "lines/emergency_stop", "lines/amplifier_ready", "drive/dead_man"
+DEAD_MAN_TITLES = {DEAD_MAN: "No current without the dead-man's beat"}
+
+HELD_CURRENT = 0.5 * TEST_CURRENT
+"""A, to and fro: it is to be seen, and needs no motion, which would end the test before a slow pump does."""
+
+HALF_PERIOD = 0.03
+"""s between two changes of its sign: a free motor then swings by less than a degree (RE40's rotor)."""
+
+SOFTLY = 0.01
+"""s of its rise."""
+
+HELD_AFTER = 0.2
+"""s after which the beat ends: the current has been seen."""
+
+HOLD_TOLERANCE = 0.2
+"""Share by which the hold time may miss the rig file's: parts of 5 and 1 % make it 7 % (docs/rig.md), the
+monitor's filter and a sample or two come on top (assumed)."""
+
+NOT_WIRED = "The rig file has no such line."
+
+
+def inputs(look: Look) -> Iterator[Outcome]:
+    """Emergency stop and "amplifier ready" are seen to change, and to change back. Nothing is driven."""
+    stop, ready = look.rig.daq.emergency_stop, look.rig.daq.amplifier_ready
+    if stop.terminal:
+        yield _emergency_stop(look, f"Emergency stop, {stop.terminal}")
+    else:
+        yield Outcome(EMERGENCY_STOP, "Emergency stop", NOT_HERE, NOT_WIRED)
+    if ready.terminal:
+        yield _amplifier_ready(look, f"Amplifier ready, {ready.terminal}", ready.needs_enable)
+    else:
+        yield Outcome(READY, "Amplifier ready", NOT_HERE, NOT_WIRED)
+
+
+def _emergency_stop(look: Look, title: str) -> Outcome:
+    step, question = EMERGENCY_STOP, _in_time("Press the emergency stop and leave it pressed")
+    before = look.bench.status().emergency_stop
+    if before is Input.YES:
+        sentence = (
+            "It reads pressed before anybody has pressed it; release it, or correct its terminal, contact or "
+            "active_high in the rig file's [daq.emergency_stop]."
+        )
+        return Outcome(step, title, FAILED, sentence)
+    answer = look.operator.ask(step, question)
+    if answer != YES:
+        return Outcome(step, title, SKIPPED, "The operator left it out.", question, answer)
+    pressed = look.line("emergency_stop", True, HAND_SECONDS)
+    in_fault = look.bench.status().mode is Mode.FAULT
+    look.operator.ask(step, _in_time("Release the emergency stop at its button"))
+    released = not look.line("emergency_stop", False, HAND_SECONDS)
+    if in_fault and released:
+        look.ask(Reset())
+    measured = {"pressed_seen": pressed, "released_seen": released, "bench_stopped": in_fault}
+    if not pressed:
+        sentence = "It still read released; check terminal, contact and active_high in the rig file's [daq]."
+    elif not released:
+        sentence = "It still read pressed after it was released; check its button and its wires."
+    elif not in_fault:
+        sentence = "It was seen to be pressed and the bench was not stopped; do not drive the motor."
+    else:
+        return Outcome(step, title, CONFIRMED, "Pressed and released, and seen.", question, answer, measured)
+    return Outcome(step, title, FAILED, sentence, question, answer, measured)
+
+
+def _amplifier_ready(look: Look, title: str, needs_enable: bool) -> Outcome:
+    """Not ready without its supply; ready with it, or only once enabled, which the drive then waits for."""
+    step, question = READY, _in_time("Switch the amplifier's supply off")
+    answer = look.operator.ask(step, question)
+    if answer != YES:
+        return Outcome(step, title, SKIPPED, "The operator left it out.", question, answer)
+    off = not look.line("amplifier_ready", False, HAND_SECONDS)
+    look.operator.ask(step, _in_time("Switch the amplifier's supply on again"))
+    on = look.line("amplifier_ready", True, HAND_SECONDS)
+    measured = {"not_ready_seen": off, "ready_seen": on}
+    check = "check its terminal, wiring and active_high in the rig file's [daq.amplifier_ready]."
+    if not off:
+        state, sentence = FAILED, f"It read ready without its supply; {check}"
+    elif on:
+        state, sentence = CONFIRMED, "Not ready without its supply, and ready with it."
+    elif needs_enable:
+        state, sentence = CONFIRMED, "Not ready without its supply; that it gets ready shows in the drive."
+    else:
+        state, sentence = FAILED, f"It did not read ready with its supply on; {check}"
+    return Outcome(step, title, state, sentence, question, answer, measured)
+
+
+def _in_time(act: str) -> str:
+    return f"{act}, within {HAND_SECONDS:g} s from your 'yes'. Ready?"
+
+
+def dead_man(look: Look) -> Iterator[Outcome]:
+    """The test current flows, the beat ends as in a loop that hangs, and the current ends with the pump."""
+    daq, title = look.rig.daq, DEAD_MAN_TITLES[DEAD_MAN]
+    if not daq.dead_man.terminal:
+        yield Outcome(DEAD_MAN, title, NOT_HERE, NOT_WIRED)
+        return
+    if not daq.current_monitor.terminal:
+        why = "The rig file has no current monitor, without which the loop drives no motor; connect one."
+        yield Outcome(DEAD_MAN, title, SKIPPED, why)
+        return
+    question = (
+        "Hold the pulley until it stands, then keep hands away: the motor will be pushed to and fro with "
+        f"{HELD_CURRENT:g} A; after {HELD_AFTER:g} s the dead-man's line stands still while enable is high, "
+        "as where the computer hangs, and the amplifier has to let go by itself. May it?"
+    )
+    answer = look.operator.ask(DEAD_MAN, question)
+    if answer != YES:
+        yield Outcome(DEAD_MAN, title, SKIPPED, "The operator left it out.", question, answer)
+        return
+    course = _to_and_fro(HELD_AFTER + 2.0 * daq.dead_man.hold_time + 2.0 * HALF_PERIOD)
+    driven = look.drive(course, SOFTLY, test_travel(look.rig), held_after=HELD_AFTER)
+    if look.bench.status().mode is Mode.FAULT:
+        look.ask(Reset())
+    measured, state, sentence = _judge_dead_man(look, driven)
+    yield Outcome(DEAD_MAN, title, state, sentence, question, answer, measured)
+
+
+def _to_and_fro(seconds: float) -> list[tuple[float, float]]:
+    """The current's course: begun with half a stroke, so that the motor swings about where it is."""
+    course, moment, amps = [(0.0, HELD_CURRENT)], 0.5 * (HALF_PERIOD + SOFTLY), HELD_CURRENT
+    while moment < seconds:
+        course += [(moment, amps), (moment + 1e-3, -amps)]
+        moment, amps = moment + HALF_PERIOD, -amps
+    return [*course, (moment + HALF_PERIOD, amps)]
+
+
+def _judge_dead_man(look: Look, driven: Driven) -> tuple[dict[str, Any], str, str]:
+    wanted, period = look.rig.daq.dead_man.hold_time, 1.0 / look.bench.rate_hz
+    measured: dict[str, Any] = {"hold_time": math.nan, "expected": wanted}
+    enabled = (driven.column("flags").astype(np.int64) & RowFlag.ENABLED) != 0
+    index, flows = driven.column("index"), np.abs(driven.column("motor_current")) > 0.5 * HELD_CURRENT
+    held = index >= driven.held_at
+    if np.count_nonzero(flows & enabled & ~held) * period < 0.5 * HELD_AFTER:
+        why = f": {driven.fault}" if driven.fault else "; check power, enable line and the dead-man's pump."
+        return measured, FAILED, f"No current flowed while the line was beating{why}"
+    unready = held & (driven.column("raw/amplifier_ready") == 0.0)  # where it tells of the enable itself
+    last = float(index[enabled][-1])
+    if unready.any():
+        ended = float(index[unready][0])
+    elif driven.fault:
+        return measured, FAILED, f"The loop stopped the motor before the dead-man did: {driven.fault}"
+    else:
+        ended = float(index[flows & enabled][-1]) + 1.0
+    if not unready.any() and (last - ended) * period < HALF_PERIOD:
+        sentence = (
+            f"{HELD_CURRENT:g} A went on flowing for {1e3 * period * (last - driven.held_at):.0f} ms without "
+            "the beat, until enable was dropped; look for a comparator stuck high or a pump that is bridged "
+            "(docs/rig.md, A dead-man)."
+        )
+        return measured, FAILED, sentence
+    hold_time = measured["hold_time"] = (ended - driven.held_at) * period
+    shown = f"Without the beat the current ended after {1e3 * hold_time:.0f} ms"
+    since_charged = 2 * look.bench.board[Slot.HOLD] * period  # the last edge that fed the pump
+    if (1.0 - HOLD_TOLERANCE) * wanted - since_charged <= hold_time <= (1.0 + HOLD_TOLERANCE) * wanted:
+        return measured, CONFIRMED, f"{shown}."
+    sentence = (
+        f"{shown}, not {1e3 * wanted:.0f} ms; correct the parts of its pump, or hold_time in the rig file's "
+        "[daq.dead_man]."
+    )
+    return measured, FAILED, sentence
+
 
 RISE_SECONDS = 0.1
 MOST_SECONDS = 1.0

@@ -19,17 +19,17 @@ import numpy as np
 import fingerlab
 from fingerlab.acquisition.bench.bench import Bench
 from fingerlab.acquisition.bench.steering import LoopSettings
-from fingerlab.acquisition.control.commands import (
+from fingerlab.acquisition.control.machine import (
     Command,
     Disable,
     Enable,
     HoldDeadMan,
     Initialise,
+    Mode,
     MoveByHand,
     SetUp,
     Start,
 )
-from fingerlab.acquisition.control.machine import Mode
 from fingerlab.acquisition.control.position import Gains
 from fingerlab.acquisition.control.units import BenchUnits
 from fingerlab.acquisition.ring import COLUMN

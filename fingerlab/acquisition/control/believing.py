@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from operator import attrgetter
 from typing import NamedTuple, Protocol
 
-from fingerlab.acquisition.control.commands import SetUp
+from fingerlab.acquisition.control.machine import SetUp
 from fingerlab.acquisition.control.safety import (
     Check,
     EncoderFault,

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from fingerlab.acquisition.bench.bench import Bench
-from fingerlab.acquisition.control.commands import (
+from fingerlab.acquisition.control.machine import (
     Approach,
     Command,
     Disable,
@@ -16,12 +16,12 @@ from fingerlab.acquisition.control.commands import (
     Finish,
     Initialise,
     Jog,
+    Mode,
     SetUp,
     Start,
     TakeUp,
     Tare,
 )
-from fingerlab.acquisition.control.machine import Mode
 from fingerlab.acquisition.control.motion import STOP_S
 from fingerlab.acquisition.control.trajectories import read_trajectory
 from fingerlab.acquisition.protocols.steps import (
@@ -38,8 +38,7 @@ from fingerlab.acquisition.protocols.steps import (
     lifting,
     plan_seconds,
 )
-from fingerlab.acquisition.record.recording import RunInfo
-from fingerlab.acquisition.record.trigger import Level, Lookout
+from fingerlab.acquisition.record.recording import Level, Lookout, RunInfo
 from fingerlab.acquisition.ring import COLUMN
 from fingerlab.acquisition.status import Number, Slot
 from fingerlab.core.errors import UserError

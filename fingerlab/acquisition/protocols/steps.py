@@ -10,7 +10,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from fingerlab.acquisition.control.commands import SetUp, Start
+from fingerlab.acquisition.control.machine import SetUp, Start
 from fingerlab.acquisition.control.motion import STOP_S
 from fingerlab.acquisition.control.trajectories import read_trajectory
 from fingerlab.core.errors import UserError

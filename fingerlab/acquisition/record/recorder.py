@@ -3,7 +3,7 @@
 It runs in a process of its own (``bench/processes.py``): a stalled disk then holds up neither the control
 loop nor the window, a crash of the window loses no sample, and a crash inside HDF5 (as by a full disk)
 takes nothing with it but what was not yet flushed. On a virtual clock the same object is polled by hand
-(``bench/inline.py``).
+(``bench/process_bench.py``).
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from fingerlab.acquisition.ring import COLUMN, Array, Ring, RingReader, RowFlag
 from fingerlab.acquisition.status import Number, SharedStatus, Slot, Text
 from fingerlab.core.errors import Cancelled, UserError
 from fingerlab.core.progress import Progress
-from fingerlab.sessions.format import FINGER_PHASES
+from fingerlab.sessions.model import FINGER_PHASES
 from fingerlab.sessions.recording_files import (
     CLEAN,
     CLOSED,

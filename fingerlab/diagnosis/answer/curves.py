@@ -15,7 +15,7 @@ from fingerlab.diagnosis.answer.results import (
     Failure,
     Fingerprint,
 )
-from fingerlab.diagnosis.equations.coefficients import CABLE_NAMES
+from fingerlab.diagnosis.equations.columns import CABLE_NAMES
 from fingerlab.diagnosis.equations.features import FORCE, BoolArray
 from fingerlab.diagnosis.fit.noise import floor_covariance
 from fingerlab.diagnosis.gram.decimation import Decimated, counted

@@ -265,6 +265,22 @@ class Failure:
 
 
 @dataclass(frozen=True)
+class FirstLook:
+    """The model as given, before anything is looked for beside it: what can be told at once.
+
+    Its floors are those of the answer before, and its effects may still stand on the points of their grids;
+    the whole answer may tell it a little otherwise.
+
+    Attributes:
+        model: ids of its effects. score: error on held-out runs in floors. errors: by family of equations.
+    """
+
+    model: tuple[str, ...]
+    score: float
+    errors: Mapping[str, EquationError]
+
+
+@dataclass(frozen=True)
 class Diagnosis:
     """The answer to: which effect, if any, explains the reproducible part of what the model misses?
 

@@ -13,21 +13,19 @@ from typing import Any
 
 import numpy as np
 
-from fingerlab.diagnosis.experiment.foretelling import (
+from fingerlab.diagnosis.experiment.predicted_runs import Proposal, menu
+from fingerlab.diagnosis.experiment.separation import (
     FOUND,
     HIDDEN,
     Line,
     Outlook,
-    SessionFeatures,
-    foretelling,
-    outlook,
-)
-from fingerlab.diagnosis.experiment.predicted_runs import Proposal, menu
-from fingerlab.diagnosis.experiment.separation import (
     PredictedRun,
     RunKind,
+    SessionFeatures,
     apart,
+    foretelling,
     held_by,
+    outlook,
     predict_run,
     run_kind,
     separation,
@@ -289,8 +287,11 @@ class Hidden:
 
     def glanced(self, run: PredictedRun) -> tuple[float, ...]:
         """How many of the effects would show."""
-        found = self._detections(run)
-        return (sum(s * min(g, DECISIVE) for s, g in zip(self.shares, found, strict=True)),)
+        return self._shown(self._detections(run))
+
+    def _shown(self, detections: Sequence[float]) -> tuple[float, ...]:
+        """How many effects show with these detections."""
+        return (sum(s * min(g, DECISIVE) for s, g in zip(self.shares, detections, strict=True)),)
 
     def judged(self, run: PredictedRun) -> Judged:
         """Whether an effect that is there would be shown, and alone."""
@@ -323,7 +324,7 @@ class Hidden:
             gains[name][HIDDEN] = found[k]
             expected[name] = float(np.median(moved))
         likeliest = next((name for name, gain in expected.items() if gain > LEAST_SEPARATION), None)
-        worth = _worth(run, float(alone), float(first), self.glanced(run))
+        worth = _worth(run, float(alone), float(first), self._shown(found))
         separates = (likeliest, HIDDEN) if likeliest else ()
         least = min(g for g in found)
         return Judged(

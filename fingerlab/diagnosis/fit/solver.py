@@ -16,7 +16,7 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from fingerlab.diagnosis.equations.coefficients import CABLE_NAMES, DELAY
+from fingerlab.diagnosis.equations.columns import CABLE_NAMES, DELAY
 from fingerlab.diagnosis.equations.features import NO_SHIFT, BoolArray, IntArray, Layout
 from fingerlab.diagnosis.equations.model import Model
 from fingerlab.diagnosis.equations.parameters import ARMS, CHANGED_OFFSET, LOSSES, TORQUE_ZERO
@@ -30,8 +30,7 @@ from fingerlab.diagnosis.fit.weights import (
     own_to_a_run,
     temperature,
 )
-from fingerlab.diagnosis.gram.run_constants import taken_up
-from fingerlab.diagnosis.gram.sums import Group, Sums
+from fingerlab.diagnosis.gram.sums import Group, Sums, taken_up
 from fingerlab.diagnosis.settings import (
     LEAST_GAIN,
     LEAST_GAIN_SHARE,
@@ -231,7 +230,7 @@ class Fitter:
         return {i: [Own(one.parts / np.sqrt(heat), one.folds) for one in each] for i, each in own.items()}
 
     def _of_the_runs(self, i: int) -> tuple[IntArray, Weighted]:
-        """The folds of group ``i`` whose runs have parts of their own, (n,), and what they take up, (n, k, k).
+        """Folds of group ``i`` whose runs have parts of their own, (n,), and what those take up, (n, k, k).
 
         It is integrated out as a Gaussian: what is one run's friction alone tells nothing of the others.
         """
@@ -339,9 +338,10 @@ class Fitter:
             ]
             self._held = [None if one is None else one[0] for one in found]
             self.widening = sum(one[1] for one in found if one is not None)
-            self._parts.clear()
-            self._folds.clear()
-            self._change.clear()
+            resting = {i for i, one in enumerate(found) if one is not None}  # others are weighed as before
+            self._parts = {key: one for key, one in self._parts.items() if key[0] not in resting}
+            self._folds = {i: one for i, one in self._folds.items() if i not in resting}
+            self._change = {i: one for i, one in self._change.items() if i not in resting}
         if self.wanders and apart:
             self._own = self._own_parts(values, told, trusted)
             if not trusted:
@@ -366,10 +366,14 @@ class Fitter:
         return result
 
     def _are_plausible(self, sums: Weighted, own: Array, told: Array) -> BoolArray:
-        """Whether each of these folds' runs would differ by no more of its own parts than runs do, (folds,)."""
+        """Whether the run of each fold would differ by no more of its own parts than runs do, (folds,)."""
         stiffness = own.T @ sums.curvature @ own + np.eye(own.shape[1])
         found = np.linalg.solve(stiffness, (own.T @ sums.matrix @ told)[:, :, None])
         return np.asarray(np.abs(found).max(axis=(1, 2)) <= MOST_WANDER)
+
+    def coefficients(self, values: Array) -> tuple[Array, Array]:
+        """Of the model's features for every group, (groups, k), with their derivatives, (groups, k, p)."""
+        return self.model.coefficients_of(values, self._cables)
 
     def cost(self, values: Array) -> float:
         """Minus twice the log posterior, up to a constant."""
@@ -464,7 +468,7 @@ class Fitter:
         A group of which nothing would be left stays in.
         """
         if self._whole is None or not np.array_equal(self._whole[0], values):
-            features, jacobians = self.model.coefficients_of(values, self._cables)
+            features, jacobians = self.coefficients(values)
             each = [self._seen(i) for i in range(len(self.data.groups))]
             pulls = [
                 ((h @ sums.matrix)[:, None] @ jacobian)[:, 0]
@@ -507,7 +511,7 @@ class Fitter:
             pull, hold = self.model.tie.expansion(values)
             gradient, information = gradient + pull, information + hold
         sums = self.stacked()
-        h, jacobian = self.model.coefficients_of(values, self._cables)
+        h, jacobian = self.coefficients(values)
         across = jacobian.reshape(-1, len(values)).T
         slopes = (sums.matrix @ jacobian).reshape(-1, len(values))
         bent = (sums.curvature @ jacobian).reshape(-1, len(values))
@@ -590,7 +594,8 @@ def _pivoted(matrix: Array, slope: Array, floor: Array, ceiling: Array) -> Array
         free = (~held).nonzero()[0]
         if len(free):
             rest = slope + matrix @ step
-            step[free] = np.linalg.solve(matrix[free[:, None], free], -rest[free])
+            among = matrix.take(free[:, None] * len(slope) + free)
+            step[free] = np.linalg.solve(among, -rest[free])
         pull = slope + matrix @ step
         now_floor = (at_floor & (pull > -1e-6)) | (~held & (step < floor - 1e-12))
         now_ceiling = (at_ceiling & (pull < 1e-6)) | (~held & (step > ceiling + 1e-12))

@@ -11,10 +11,11 @@ from __future__ import annotations
 import operator
 import os
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from dataclasses import replace
 from functools import cached_property, partial
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -23,10 +24,8 @@ from fingerlab.core.progress import SILENT, Watch
 from fingerlab.diagnosis.equations.columns import Asked, asked_of, layout_of, of_the_user
 from fingerlab.diagnosis.equations.features import Layout
 from fingerlab.diagnosis.gram.decimation import Decimated
-from fingerlab.diagnosis.gram.pairs import pair_sums
-from fingerlab.diagnosis.gram.run_constants import RunConstants
-from fingerlab.diagnosis.gram.runs import Keep, SegmentCache, run_sums
-from fingerlab.diagnosis.gram.sums import Group, PairSums, Reduced, RunSums, add_among, empty
+from fingerlab.diagnosis.gram.runs import Keep, SegmentCache, pair_sums, run_sums
+from fingerlab.diagnosis.gram.sums import Group, PairSums, Reduced, RunConstants, RunSums, add_among, empty
 from fingerlab.diagnosis.settings import MOST_CLOSER, MOST_LOOKED_AT, STATE_ORDERS, TASKS_AHEAD
 from fingerlab.diagnosis.signals.conditions import (
     Fold,
@@ -49,6 +48,8 @@ from fingerlab.rig.constants import UNCHANGED, Intervention, Rig, intervention_o
 from fingerlab.sessions.model import Array, Run, Session
 from fingerlab.sessions.trajectory import told_frequency
 
+_Found = TypeVar("_Found")
+
 
 class Reduction:
     """Sessions that are reduced more than once: what the first pass read is kept for all that follow.
@@ -61,6 +62,8 @@ class Reduction:
         settled: whether they were looked for.
         held: values that somebody holds unknowns of every model at, by key, SI.
         repairs: samples that were put right, by number of the run and channel; samples: that it has.
+        weights: of the equations, (5, 5) by group, under which the last answer was told; None: there is none.
+            A first look at the next model is told under them, no answer is.
     """
 
     def __init__(
@@ -83,6 +86,7 @@ class Reduction:
         self.held: Mapping[str, float] = {}
         self.repairs: dict[int, Mapping[str, int]] = {}
         self.samples: dict[int, float] = {}
+        self.weights: Mapping[GroupKey, Array] | None = None
         self._forget()
 
     @cached_property
@@ -103,6 +107,7 @@ class Reduction:
         self._cache = SegmentCache(self._executor)
         self._first: dict[bool, Layout] = {}
         self._closer: dict[tuple[_Key, ...], Reduced] = {}
+        self._remembered: dict[Hashable, Any] = {}
         self._asked = None
 
     def suited(self, effects: Sequence[Effect]) -> list[Effect]:
@@ -208,6 +213,26 @@ class Reduction:
         # Missing noise is filled in by whoever asks.
         groups = [replace(g) for g in known.groups]
         return replace(known, groups=groups, constants=self.constants, held=self.held)
+
+    def remember(
+        self, effects: Sequence[Effect], shapes: Sequence[int], work: Callable[[], _Found]
+    ) -> _Found:
+        """What ``work`` finds in the sums over these effects alone, or found in them before.
+
+        It may depend on the effects, the ``shapes`` that it begins at, the constants of the runs and what is
+        held, and on nothing else.
+        """
+        key = (
+            tuple((*_key(e), e.widened) for e in effects),
+            None if self.constants is None else self.constants.key,
+            tuple(sorted(self.held.items())),
+            tuple(shapes),
+        )
+        if key not in self._remembered:
+            if len(self._remembered) >= MOST_CLOSER:
+                self._remembered.pop(next(iter(self._remembered)))
+            self._remembered[key] = work()
+        return self._remembered[key]
 
     def _acting(self, effects: Sequence[Effect]) -> list[Effect]:
         """Those that can act in these runs."""

@@ -27,8 +27,7 @@ from fingerlab.diagnosis.fit.noise import (
 )
 from fingerlab.diagnosis.fit.solver import Fitter, LeftOut, starting_arms, surprise
 from fingerlab.diagnosis.fit.weights import Data, FoldNumbers, Weighted, Weights, change, own_to_a_run
-from fingerlab.diagnosis.gram.run_constants import Offsets, RunConstants
-from fingerlab.diagnosis.gram.sums import Reduced
+from fingerlab.diagnosis.gram.sums import Offsets, Reduced, RunConstants
 from fingerlab.diagnosis.score.fitted_model import FittedModel, sensitivity
 from fingerlab.diagnosis.score.paired import paired_misfit
 from fingerlab.diagnosis.settings import FULL_ITERATIONS, MOST_ROUNDS, MOST_WANDER, SETTLED
@@ -240,11 +239,12 @@ class Scorer:
         fitter = self._fitter(fitted)
         for turn in sorted({fold.turn for g in groups for fold in g.dealt}):
             left = fitter.without(fitted.fit.values, turn)
+            told = fitter.coefficients(left.values)
             for i, group in enumerate(groups):
                 unseen = group.of_turn(turn)
                 for k, fold in enumerate(group.dealt):
                     if fold.turn == turn:
-                        one = self._square(fitter, left.values, i, (k,), left if k in unseen else None)
+                        one = self._square(fitter, left.values, told, i, k, left if k in unseen else None)
                         scored.setdefault((i, fold.condition), []).append(one)
                         if residuals:
                             products[group.key] += self._products(fitter, left.values, i, k)
@@ -305,33 +305,40 @@ class Scorer:
 
     def _in_sample(self, fitter: Fitter, fitted: FittedModel) -> Array:
         """Chi-square without noise and independent values of each condition, (conditions, 2)."""
+        values = fitted.fit.values
+        told = fitter.coefficients(values)
         return np.array(
             [
-                np.sum(
-                    [self._square(fitter, fitted.fit.values, i, (k,)) for k in group.of_condition(c)], axis=0
-                )
+                np.sum([self._square(fitter, values, told, i, k) for k in group.of_condition(c)], axis=0)
                 for i, group in enumerate(self.reduced.groups)
                 for c in group.conditions
             ]
         )
 
     def _square(
-        self, fitter: Fitter, values: Array, i: int, part: FoldNumbers, left: LeftOut | None = None
+        self,
+        fitter: Fitter,
+        values: Array,
+        told: tuple[Array, Array],
+        i: int,
+        k: int,
+        left: LeftOut | None = None,
     ) -> tuple[float, float]:
-        """Reproducible chi-square of some folds of group i, and the independent values behind it.
+        """Reproducible chi-square of fold ``k`` of group ``i``, and the independent values behind it.
 
-        ``left``: what the other runs tell, where the fit has not seen these.
+        Args:
+            told: the features' coefficients at the ``values`` and their derivatives, for every group.
+            left: what the other runs tell, where the fit has not seen this.
         """
-        fold, sums = self.data.raw(i, part), fitter.part(i, part)
-        group = self.reduced.groups[i]
-        h = fitter.model.features(values, group)
-        own = own_to_a_run(fitter.model, values, h, group, group.dealt[part[0]].condition)
+        group, sums = self.reduced.groups[i], fitter.part(i, (k,))
+        h, jacobian = told[0][i], told[1][i]
+        own = own_to_a_run(fitter.model, values, h, group, group.dealt[k].condition)
         square = float(h @ sums.matrix @ h)
         if left is None:
             square -= explained(own, h, sums)
         else:
-            square -= allowance(own, h, sums, fitter.model.coefficients(values, group)[1], left)
-        return square, EFFECTIVE_SHARE * group.equations * fold.samples
+            square -= allowance(own, h, sums, jacobian, left)
+        return square, EFFECTIVE_SHARE * group.equations * group.folds[k].samples
 
     def run_offsets(self, fitted: FittedModel) -> list[Offsets]:
         """The constants that the runs of every group have of their own beside a scored model."""

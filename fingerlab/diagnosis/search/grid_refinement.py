@@ -10,8 +10,9 @@ point.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 from fingerlab.core.errors import UserError
 from fingerlab.core.progress import SILENT, Watch
@@ -54,8 +55,12 @@ def fit_refined(
     reduction: Reduction,
     effects: Sequence[Effect],
     watch: Watch = SILENT,
+    look: Callable[[Scorer, FittedModel], None] | None = None,
 ) -> tuple[Scorer, FittedModel]:
     """All effects in, fitted on their grids and then between the points; own weights.
+
+    Args:
+        look: is shown the model on the grids, which is there long before the other, and then that.
 
     Raises:
         UserError: an effect does not apply to these runs, or a run cannot be read.
@@ -67,9 +72,14 @@ def fit_refined(
         if one not in scorer.reduced.layout.effects:
             raise UserError(f"'{one.id}' does not apply to these runs; leave it out of --add.")
     fitted = fit_effects(scorer, effects)
+    if look is not None:
+        look(scorer, fitted)
     if not can_refine(fitted.choices):
         return scorer, fitted
-    return refine_grid(reduction, fitted, watch)
+    scorer, fitted = refine_grid(reduction, fitted, watch)
+    if look is not None:
+        look(scorer, fitted)
+    return scorer, fitted
 
 
 def refine_grid(
@@ -87,14 +97,19 @@ def refine_grid(
     choices = [_following(c, found.values) for c in found.choices]
     for _ in range(ROUNDS):
         finer = [_finer(c) for c in choices]
-        scorer = Scorer(reduction.closer(finer, watch))
         places = [_place(e.shapes, c.effect.shapes[c.shape]) for e, c in zip(finer, choices, strict=True)]
-        fitted = scorer.fit_reweighted([Choice(e, i) for e, i in zip(finer, places, strict=True)])
-        fitted = _at_best_shapes(scorer, fitted)
+        scorer = Scorer(reduction.closer(finer, watch))
+        fitted = reduction.remember(finer, places, partial(_best_of_finer, scorer, finer, places))
         choices = [_following(c, fitted.values) for c in fitted.choices]
         if not any(map(_has_moved, choices, fitted.choices)):
             break
     return scorer, fitted
+
+
+def _best_of_finer(scorer: Scorer, finer: Sequence[Effect], places: Sequence[int]) -> FittedModel:
+    """The effects at the best of their shapes, looked for from these ``places`` on."""
+    fitted = scorer.fit_reweighted([Choice(e, i) for e, i in zip(finer, places, strict=True)])
+    return _at_best_shapes(scorer, fitted)
 
 
 def refine_last(

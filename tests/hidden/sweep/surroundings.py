@@ -15,10 +15,9 @@ import numpy as np
 
 from fingerlab.rig.constants import Rig
 from fingerlab.sessions import Run, Session, SessionWriter, open_session
-from fingerlab.twin.bench import Preset, load_preset
 from fingerlab.twin.effects import EFFECTS, parse_effects
 from fingerlab.twin.plant import MOTOR_BENCH
-from fingerlab.twin.protocols import PROTOCOLS, RATE_HZ
+from fingerlab.twin.protocols import PROTOCOLS, RATE_HZ, Preset, load_preset
 from fingerlab.twin.recording import simulate_session
 from tests.hidden.sweep.disguise import DIRT, Size, decimated, dirty, noisier, resized
 from tests.hidden.sweep.trials import Trial

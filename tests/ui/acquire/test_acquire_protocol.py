@@ -105,7 +105,7 @@ def test_stop_ends_a_protocol_that_waits_for_the_operator(rig: Rig, qtbot: QtBot
 
 
 def test_a_protocol_handed_over_is_chosen(rig: Rig) -> None:
-    from fingerlab.acquisition.control.commands import SetUp
+    from fingerlab.acquisition.control.machine import SetUp
 
     rig.window.show_tab("model_lab")
     sine = {"kind": "sine", "amplitude_deg": 5.0, "frequency_hz": 1.0, "duration_s": 3.0}

@@ -26,7 +26,7 @@ from PySide6.QtWidgets import (
 )
 from pytestqt.qtbot import QtBot
 
-from fingerlab.acquisition.bench.inline import InlineBench
+from fingerlab.acquisition.bench.process_bench import InlineBench
 from fingerlab.acquisition.ring import COLUMN, COLUMNS, Ring
 from fingerlab.calibration import StepTiming
 from fingerlab.calibration.wizard import Phase
@@ -366,7 +366,7 @@ def test_what_was_accepted_counts_at_the_next_connection(
     bench.work()
     bench.click("acceptCalibration")
     made: list[Any] = []
-    monkeypatch.setattr("fingerlab.calibration.applying.default_folder", lambda *_: tmp_path / "rig")
+    monkeypatch.setattr("fingerlab.calibration.store.default_folder", lambda *_: tmp_path / "rig")
     monkeypatch.setattr(
         "fingerlab.acquisition.bench.process_bench.ProcessBench",
         lambda *given: made.append(given) or object(),
@@ -409,7 +409,7 @@ def test_a_calibration_is_rehearsed_on_the_simulated_rig_with_weights_of_one_s_o
 ) -> None:
     """By its buttons; a sensor that shows half of its span is told at the second weight."""
     monkeypatch.setattr(acquire_tab, "ask_to_close", lambda *_: True)
-    monkeypatch.setattr("fingerlab.calibration.applying.default_folder", lambda *_: tmp_path / "rig")
+    monkeypatch.setattr("fingerlab.calibration.store.default_folder", lambda *_: tmp_path / "rig")
 
     def inline(choice: Any, loop: Any, rate_hz: float) -> InlineBench:
         return InlineBench(replace(choice, real_time=False).build(), loop, tmp_path / "rescue")

@@ -13,10 +13,9 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QCheckBox, QLabel, QPushButton, QSlider, QTableWidget
 from pytestqt.qtbot import QtBot
 
-from fingerlab.models.project import project_path
-from fingerlab.twin.bench import load_preset
+from fingerlab.models.file import project_path
 from fingerlab.twin.effects import parse_effects
-from fingerlab.twin.protocols import RunPlan
+from fingerlab.twin.protocols import RunPlan, load_preset
 from fingerlab.twin.session import write_session
 from fingerlab.ui.app.window import MainWindow
 from fingerlab.ui.lab.lab_view import LabView

@@ -10,9 +10,8 @@ from PySide6.QtWidgets import QLabel
 from pytestqt.qtbot import QtBot
 
 from fingerlab.diagnosis.answer.results import Diagnosis
-from fingerlab.twin.bench import load_preset
 from fingerlab.twin.effects import parse_effects
-from fingerlab.twin.protocols import PROTOCOLS
+from fingerlab.twin.protocols import PROTOCOLS, load_preset
 from fingerlab.twin.session import write_session
 from fingerlab.ui.lab.truth import HeldOutTable
 
@@ -50,9 +49,18 @@ def work_through(qtbot: QtBot, window, path: Path, effect: str) -> None:  # type
         assert lab.evidence.plot.fingerprint is candidate.fingerprint is not None
         assert lab.evidence.plot.points.isVisible()
     lab.candidates.choose(effect)
+    looks = []
+    lab.controller.first_look_changed.connect(lambda: looks.append(lab.path.path.bars[-1]))
     click(window, "addToModel")
+    qtbot.waitUntil(lambda: len(looks) > 0, timeout=PATIENCE)
+    first, said = lab.path.path.bars[-1].score, lab.path.path.accessibleDescription()
+    assert f"friction {first:.2f} (still being worked out)" in said
+    assert "(still being worked out)" in lab.path.table.accessibleDescription()
     qtbot.waitUntil(lambda: lab.controller.history.can_undo, timeout=PATIENCE)
     after = lab.controller.history.now.diagnosis
+    assert [bar.under_way for bar in looks] == [True, True, False]  # on the grid, between its points, over
+    assert looks[1].score == pytest.approx(after.score, rel=0.1)
+    assert "worked out" not in lab.path.path.text() + lab.path.table.accessibleDescription()
     assert after.score < 0.6 * before.score
     assert after.errors["joint_torque"].rmse < before.errors["joint_torque"].rmse
     assert [bar.score for bar in lab.path.path.bars[:2]] == [before.score, after.score]

@@ -14,11 +14,9 @@ from PySide6.QtWidgets import QApplication, QFileDialog, QLabel, QPushButton
 from pytestqt.qtbot import QtBot
 
 from fingerlab.diagnosis.answer.results import EquationError, HeldOutRuns
-from fingerlab.models.file import load_model
-from fingerlab.models.project import project_path
-from fingerlab.twin.bench import load_preset
+from fingerlab.models.file import load_model, project_path
 from fingerlab.twin.effects import parse_effects
-from fingerlab.twin.protocols import single_run
+from fingerlab.twin.protocols import load_preset, single_run
 from fingerlab.twin.session import write_session
 from fingerlab.ui.app.window import MainWindow
 from fingerlab.ui.lab.controller import ModelHistory, ModelStep

@@ -15,12 +15,10 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QLabel, QPushButton, QTableWidget
 from pytestqt.qtbot import QtBot
 
-from fingerlab.batch.rows import SOFTWARE, Options
 from fingerlab.batch.run import run_batch
-from fingerlab.batch.table import Contents, read_table, write_table
+from fingerlab.batch.table import SOFTWARE, Contents, Options, read_table, write_table
 from fingerlab.core.errors import Cancelled
-from fingerlab.twin.bench import load_preset
-from fingerlab.twin.protocols import RunPlan
+from fingerlab.twin.protocols import RunPlan, load_preset
 from fingerlab.twin.session import write_session
 from fingerlab.ui.sessions.session_table import VERDICT
 from fingerlab.ui.sessions.sessions_tab import SessionsTab
@@ -100,7 +98,7 @@ def test_verdicts_come_one_by_one_and_a_stop_keeps_them(
 
 
 def quick(name: str, options: Options):  # type: ignore[no-untyped-def]
-    from fingerlab.batch.rows import SessionRow
+    from fingerlab.batch.table import SessionRow
 
     row = {
         "session": name, "sha256": name, "software": SOFTWARE, "options": options.key, "error": None,
