@@ -60,7 +60,7 @@ def shown_window(folder: Path, tab: str) -> Iterator[tuple[MainWindow, QApplicat
     from PySide6.QtWidgets import QApplication
 
     from fingerlab.ui.app import application
-    from fingerlab.ui.app.settings import Settings
+    from fingerlab.ui.app.context import Settings
     from fingerlab.ui.app.window import MainWindow
 
     app = QApplication.instance() or QApplication(sys.argv[:1])

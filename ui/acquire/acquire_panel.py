@@ -37,8 +37,8 @@ from ..widgets.fields import (
     set_shown,
     set_usable,
 )
-from ..widgets.labels import ElidedLabel, heading, remark
 from ..widgets.layout import FLUSH, described, hbox, vbox
+from ..widgets.tables import ElidedLabel, heading, remark
 from .bench_controller import BenchController
 from .bench_setup import LOADED_PHASE, cable_refusal
 from .motion_form import GainsButton, MotionForm, MotionsButton

@@ -32,10 +32,9 @@ from fingerlab.report.diagnosis_words import PHASE_WORDS
 from fingerlab.sessions.model import CABLES, CHANNEL_UNITS, PHASES, Array
 
 from ..widgets.fields import NumberField, choice, set_usable
-from ..widgets.labels import remark
 from ..widgets.layout import Spacer, as_written, described, hbox, vbox
 from ..widgets.plots import DecimatedCurve, QuietPlot, span_of
-from ..widgets.tables import NumberTable
+from ..widgets.tables import NumberTable, remark
 from ..widgets.theme import colours_of, tint
 from .review_data import CHANNELS
 

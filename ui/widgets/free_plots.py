@@ -18,12 +18,12 @@ from fingerlab.core.text import ScreenUnit
 from fingerlab.sessions.model import Array
 
 from .fields import choice, form_menu
-from .labels import remark
 from .layout import FLUSH, described, hbox, vbox
 from .series import envelope
+from .tables import remark
 
 if TYPE_CHECKING:
-    from ..app.settings import Settings
+    from ..app.context import Settings
 
 TIME, FREQUENCY = "time", "frequency"
 """What a channel can be drawn over besides another channel."""
