@@ -21,7 +21,7 @@ from PySide6.QtWidgets import (
 from fingerlab.acquisition.control.machine import Event, Mode, SetGains
 from fingerlab.acquisition.protocols.driver import LONGEST_BEFORE_S
 from fingerlab.core.text import grouped
-from fingerlab.rig.constants import Rig
+from fingerlab.rig.file import Rig
 from fingerlab.sessions.model import FINGER_PHASES
 
 from ..app.undo import FormHistory

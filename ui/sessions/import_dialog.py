@@ -39,7 +39,7 @@ from ..widgets.theme import colours_of, tint
 from .review_data import CHANNELS
 
 if TYPE_CHECKING:
-    from fingerlab.rig.constants import Rig
+    from fingerlab.rig.file import Rig
     from fingerlab.sessions.importing import ImportPlan, TextRun
     from fingerlab.sessions.mapping import Axis, Column, Table
 

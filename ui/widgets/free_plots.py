@@ -61,8 +61,7 @@ class FreePlot(QWidget):
     removed = Signal(object)
 
     def __init__(self, number: int, channels: Mapping[str, Channel], up: str, across: str) -> None:
-        from .closer import HELP, LookBox
-        from .plots import QuietPlot
+        from .plots import HELP, LookBox, QuietPlot
 
         super().__init__()
         self.up = choice(f"freeUp{number}", {}, "Drawn: the channel of the upright axis.")
