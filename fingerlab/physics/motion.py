@@ -183,6 +183,15 @@ class Motion:
         }
         return replace(self, phase="contact", force=force, _memory=kept)
 
+    def with_motor_late(self, delay: float) -> Motion:
+        """The same with the motor's channels later by ``delay`` (s); at the start they stand still."""
+        then = self.time - delay
+        late = {
+            name: np.interp(then, self.time, getattr(self, name))
+            for name in ("position", "velocity", "acceleration", "torque")
+        }
+        return replace(self, **late, _memory={})
+
     @property
     def finger_and_joints(self) -> tuple[Finger, nominal.JointMotion]:
         """The finger's constants and motion; only finger runs have terms that ask for them."""

@@ -174,7 +174,7 @@ class PlotToolbar(QWidget):
         )
         self.window_s.setMinimumContentsLength(5)
         self.window_s.setCurrentIndex(2)
-        self.hold = _switch("hold", "&Hold", "Keep the picture still; the bench goes on (Ctrl+P).")
+        self.hold = _switch("hold", "H&old", "Keep the picture still; the bench goes on (Ctrl+P).")
         self.cursors = _switch("cursors", "C&ursors", "Two cursors to drag, with differences (Ctrl+K).")
         self.trigger = TriggerButton(plots)
         self.arrange = PlotsButton(plots.free)
@@ -231,7 +231,7 @@ class PlotToolbar(QWidget):
 
     def _on_held(self, on: bool) -> None:
         self.hold.setChecked(on)
-        self.hold.setText("Go &live" if on else "&Hold")
+        self.hold.setText("Go &live" if on else "H&old")
 
     def _tell(self, times: str, differences: str, values: str) -> None:
         for label, text in ((self.times, times), (self.differences, differences)):

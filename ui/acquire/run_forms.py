@@ -206,9 +206,9 @@ class ProtocolForm(QWidget):
         for name, title in SCANNED.items():
             form.addRow(title, self.scans[name])
         form.addRow("R&uns (n)", self.runs)
-        form.addRow("&Each (s)", self.seconds)
+        form.addRow("Each (s)", self.seconds)
         form.addRow("Re&st (s)", self.rest)
-        form.addRow("&Force (N)", self.force)
+        form.addRow("Force (N)", self.force)
         form.addRow("Press (&°)", self.amplitude)
         form.addRow("From run", self.first)
         form.addRow(self.total)

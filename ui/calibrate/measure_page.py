@@ -119,7 +119,7 @@ class StartPage(QWidget):
         self.rig = QLabel()
         self.rig.setObjectName("calibrateRig")
         self.rig.setWordWrap(True)
-        self.connect_rig = QPushButton("&Connect a rig on Acquire")
+        self.connect_rig = QPushButton("Connect a ri&g on Acquire")
         self.connect_rig.setObjectName("calibrateConnect")
         self.connect_rig.setProperty("primary", "true")
         self.connect_rig.clicked.connect(self.connect_asked)

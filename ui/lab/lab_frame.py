@@ -195,7 +195,7 @@ class WaitingPage(QWidget):
         self.title.setAlignment(Qt.AlignmentFlag.AlignHCenter)
         self.what = remark()
         self.what.setAlignment(Qt.AlignmentFlag.AlignHCenter)
-        self.compare = QPushButton("Compare &model and measurement")
+        self.compare = QPushButton("Compare model a&nd measurement")
         self.compare.setObjectName("compareAgain")
         self.compare.setProperty("primary", "true")
         self.compare.clicked.connect(self.compare_asked)

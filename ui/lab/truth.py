@@ -139,14 +139,14 @@ class TruthPanel(QWidget):
         self.held_out = WholeLabel()
         self.next = described(WholeLabel(), font=small_font(), role="muted")
         self.runs = HeldOutTable()
-        self.hand = _button("&Hand it to Acquire", "handExperiment", "The proposed recording as a protocol.")
+        self.hand = _button("Hand it to Ac&quire", "handExperiment", "The proposed recording as a protocol.")
         self.predict = _button(
             "&Predict the force",
             "predictForce",
             "Endpoint force of the contact runs by this model, in Predict.",
         )
         self.save = _button(
-            "Save &model…", "saveModel", "As a file, for Predict and 'fingerlab predict --model'."
+            "Save mode&l…", "saveModel", "As a file, for Predict and 'fingerlab predict --model'."
         )
         self.report = _button(
             "Save report page…", "saveReport", "The whole comparison as one self-contained page (Ctrl+S)."

@@ -46,6 +46,7 @@ VIEWS = (
     ("measured", "&Measured force", "Forces by the models beside the load cell (Alt+1)."),
     ("wanted", "&Wanted force", "The other way round: the torque that a wanted force needs (Alt+2)."),
 )
+PREDICTING = "Predicting the force in"
 WAITS = "A session with contact runs is needed to predict with {files}."
 
 
@@ -73,6 +74,9 @@ class PredictTab(Tab):
         context.model_handed.connect(lambda model, name: self._predict({**self.models, name: model}))
         self.panel.remove_asked.connect(self.remove)
         self.panel.changed.connect(self._show_choice)
+        self._under_way = ""
+        context.tasks.started.connect(self._on_started)
+        context.tasks.ended.connect(lambda _how: self._on_started(""))
         self.commands = (
             Command("&Add model files…", self.ask_and_add, "Ctrl+M"),
             Command("Com&pare on runs left out…", self.compare, None, self._comparable),
@@ -220,7 +224,13 @@ class PredictTab(Tab):
                 self.models, self.found = given, found
                 self._refresh()
 
-        self.context.tasks.start(f"Predicting the force in {opened[0].path.name}", work, done, OWNER)
+        self.context.tasks.start(f"{PREDICTING} {opened[0].path.name}", work, done, OWNER)
+
+    def _on_started(self, title: str) -> None:
+        """Say that the force is being predicted, where none is shown yet."""
+        self._under_way = title if title.startswith(PREDICTING) else ""
+        if self.found is None:
+            self._refresh()
 
     def _comparable(self) -> bool:
         return bool(self.sessions) and any(one.method == DIAGNOSIS_METHOD for one in self.models.values())
@@ -266,9 +276,10 @@ class PredictTab(Tab):
         if found is None:
             waits = bool(self.models)
             no_force = "No force predicted" if waits else "No model yet"
-            self.empty_title.setText(no_force if opened else "No session open")
+            self.empty_title.setText((self._under_way or no_force) if opened else "No session open")
             text = WAITS.format(files=", ".join(self.models)) if waits else NO_MODEL
-            self.empty_text.setText(text if opened or waits else NO_SESSION)
+            text = text if opened or waits else NO_SESSION
+            self.empty_text.setText("" if opened and self._under_way else text)
             self.empty_open.setVisible(not opened)
             self.panel.show_models((), (), ())
             self.pages.setCurrentIndex(0)

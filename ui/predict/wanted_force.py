@@ -43,7 +43,7 @@ TABLES = "Text tables of time and force (*.csv *.txt *.tsv);;All files (*)"
 SHAPED = ("sine", "ramp_hold", "steps")
 FIELDS = {
     "mean_n": ("&Mean (N)", SHAPED, (1.0, 0.0, 40.0, 2, 0.1), "F, N: middle of the wanted force's range."),
-    "amplitude_n": ("Am&plitude (N)", SHAPED, (0.4, 0.0, 20.0, 2, 0.1), "Half of the range of F, N."),
+    "amplitude_n": ("&Amplitude (N)", SHAPED, (0.4, 0.0, 20.0, 2, 0.1), "Half of the range of F, N."),
     "frequency_hz": ("Fre&quency (Hz)", SHAPED, (0.5, 0.01, 10.0, 2, 0.1), "Periods, or steps, a second."),
     "rise_s": ("R&ise (s)", ("steps",), (0.3, 0.05, 5.0, 2, 0.05), "From one step to the next."),
     "duration_s": ("D&uration (s)", SHAPED, (20.0, 1.0, 300.0, 1, 5.0), "Length of the profile."),
@@ -82,7 +82,7 @@ class WantedPanel(QWidget):
             label.setSizePolicy(QSizePolicy.Policy.Preferred, QSizePolicy.Policy.Minimum)
         self.save = QPushButton("&Save trajectory…")
         self.save.setObjectName("saveTorque")
-        self.hand = described(QPushButton("&Hand to Acquire"), "handTorque", primary="true")
+        self.hand = described(QPushButton("Hand &to Acquire"), "handTorque", primary="true")
         self._lay_out()
         self._connect()
         self._show_kind()
@@ -96,7 +96,7 @@ class WantedPanel(QWidget):
         form.addRow("Mo&del", self.model)
         form.addRow(self.model_name)
         form.addRow("P&ose of run", self.pose)
-        form.addRow("&Force", self.kind)
+        form.addRow("Fo&rce", self.kind)
         for name, field in self.numbers.items():
             form.addRow(FIELDS[name][0], field)
         form.addRow("File", self.file)

@@ -239,7 +239,7 @@ class LibraryPage(QWidget):
         self.details = DetailsPanel()
         self.folder = ElidedLabel()
         self.folder.setObjectName("libraryFolder")
-        self.choose = QPushButton("Choose &folder…")
+        self.choose = QPushButton("Ch&oose folder…")
         self.choose.setObjectName("chooseFolder")
         self.texts = QPushButton("&Import table…")
         self.texts.setObjectName("importText")

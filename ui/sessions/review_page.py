@@ -73,13 +73,13 @@ class ReviewPage(QWidget):
         )
         self.cursors = _switch("reviewCursors", "&Cursors", "Two cursors to drag, with differences (Ctrl+K).")
         self.heights = _switch(
-            "heights", "Fit &heights", "Scale each plot to what is seen of it, not to the run."
+            "heights", "Fi&t heights", "Scale each plot to what is seen of it, not to the run."
         )
         self.free = FreePlots(
             FREE_CHANNELS, {spec.title: spec.title for spec in PANES}, ("motor_torque", "motor_position")
         )
         self.arrange = PlotsButton(self.free)
-        self.cut = _button("cut", "Cu&t…", "What lies between the cursors as a session of its own.")
+        self.cut = _button("cut", "C&ut…", "What lies between the cursors as a session of its own.")
         self.values = described(ElidedLabel(), "reviewValues", accessible="At the cursors")
         self.state = remark(wrap=False)
         self.state.setObjectName("reviewState")

@@ -342,6 +342,7 @@ class TrendDialog(QDialog):
             "one of many. Ctrl+C copies the table."
         )
         vbox(self, self.title, self.words, (self.table, 3), (self.plot, 4), hint, close, spacing=8)
+        self.hint = hint
 
     def show_contents(self, contents: Contents, folder: Path) -> None:
         """Show the sessions of a batch's table."""
@@ -375,6 +376,8 @@ class TrendDialog(QDialog):
             step = "–" if change is None else percent(change.chance) if own else "with another"
             rows.append((*trend_cells(trend), step))
         self.table.show_rows(rows)
+        for part in (self.table, self.plot, self.hint):  # an empty plot would have axes of nothing
+            part.setVisible(bool(rows))
         if rows:
             self.table.setCurrentCell(0, 0)
         self._show_chosen()

@@ -113,7 +113,7 @@ def profile(comparisons: Sequence[Comparison], equation: str, coordinate: str) -
     ]  # fmt: skip
     if not placed:
         return None
-    residual = np.concatenate([one.measured - one.modelled for one, _ in placed])
+    residual = np.concatenate([_missed(one) for one, _ in placed])
     place = np.concatenate([place for _, place in placed])
     known = np.isfinite(residual) & np.isfinite(place)
     residual, place = residual[known], place[known]
@@ -148,7 +148,7 @@ def stretches_in(found: Profile, bin_: int, comparison: Comparison) -> list[tupl
     place = _place(comparison, found.coordinate, (comparison,))
     if place is None or len(time) < 2:
         return []
-    inside = np.isfinite(place) & np.isfinite(comparison.measured - comparison.modelled)
+    inside = np.isfinite(place) & np.isfinite(_missed(comparison))
     inside &= _numbers(np.nan_to_num(place), found.edges) == bin_
     change = np.flatnonzero(np.diff(np.concatenate(([False], inside, [False])).astype(np.int8)))
     half = 0.5 * float(np.median(np.diff(time)))
@@ -175,6 +175,15 @@ def worst_run(found: Profile, bin_: int, comparisons: Sequence[Comparison]) -> C
         if inside.sum() >= LEAST_SAMPLES and (best is None or float(square[inside].mean()) > best[0]):
             best = float(square[inside].mean()), one
     return best[1] if best is not None else None
+
+
+def _missed(one: Comparison) -> Array:
+    """The residual; NaN where the finger stands still and the model, which sticks there, says nothing."""
+    residual = np.array(one.measured - one.modelled)
+    for aside in one.aside:
+        if aside.reason == "standstill":
+            residual[(one.time >= aside.start) & (one.time <= aside.stop)] = np.nan
+    return residual
 
 
 def _numbers(place: Array, edges: Array) -> IntArray:

@@ -56,19 +56,31 @@ from fingerlab.diagnosis.signals.filters import (
     padded_length,
 )
 from fingerlab.diagnosis.signals.segments import segments_of, senses
-from fingerlab.effects.base import Effect
+from fingerlab.effects.base import Effect, Shape
+from fingerlab.effects.joints import DRIVE, driven_tension
 from fingerlab.physics.friction_states import slip_states
 from fingerlab.physics.motion import Motion
 from fingerlab.sessions.model import Array, Run, Session
 from fingerlab.sessions.trajectory import found_frequency, told_frequency
 
 
-def taut_moments(motion: Motion, inner: slice) -> BoolArray:
-    """Samples into whose low-pass window no slack moment falls."""
+def drive_told(effects: Sequence[Effect]) -> Shape:
+    """What motor and gearbox keep for themselves, as the shape of any effect tells it; nothing: none does."""
+    return next(
+        (e.shapes[0] for e in effects if len(e.shapes) == 1 and DRIVE.keys() <= e.shapes[0].keys()), {}
+    )
+
+
+def taut_moments(motion: Motion, inner: slice, drive: Shape) -> BoolArray:
+    """Samples into whose low-pass window no slack moment falls.
+
+    Args:
+        drive: what motor and gearbox keep for themselves, of ``joints.DRIVE``.
+    """
     if motion.finger is None:
         return np.ones(len(decimate(motion.time[inner])), dtype=bool)
-    pull = (motion.cable_torque - (motion.motor.inertia or 0.0) * motion.acceleration) / motion.radius
-    pull -= INERTIA_SPREADS * motion.inertia_spread * np.abs(motion.acceleration) / motion.radius
+    pull = driven_tension(motion, drive)
+    pull = pull - INERTIA_SPREADS * motion.inertia_spread * np.abs(motion.acceleration) / motion.radius
     smooth = np.convolve(pull, np.ones(9) / 9, mode="same")  # 36 ms: the tension's own noise is then small
     noise = float(np.median(np.abs(pull - smooth)[inner])) if len(pull[inner]) else 0.0
     loose = (smooth < max(SLACK_TENSION_N, SLACK_NOISES * noise))[inner]
@@ -121,7 +133,7 @@ def decimated_columns(motion: Motion, effects: Sequence[Effect], signals: IntArr
     low = np.zeros((int(signals.max()) + 1, len(time)))
     known = np.zeros(len(low), dtype=bool)
     live = fill(low, motion, all_columns(motion, effects), signals, known)
-    taut, rest = taut_moments(motion, inner), rest_moments(motion.position[inner])
+    taut, rest = taut_moments(motion, inner, drive_told(effects)), rest_moments(motion.position[inner])
     return Decimated(low.T, taut, time, motion, rest, np.array(live))
 
 
@@ -392,7 +404,11 @@ def decimated_again(segment: CachedSegment, effects: Sequence[Effect], asked: As
     signals = np.concatenate([asked.features[k] for k in asked.formed] or [np.zeros(0, dtype=int)])
     formed = fill(low, segment.motion, effect_columns(segment.motion, wanted), signals, known)
     live = np.sort(np.concatenate((places, np.array(formed, dtype=places.dtype))))
-    return Decimated(low.T, segment.taut, segment.time, segment.motion, segment.rest, live)
+    drive = drive_told(effects)
+    taut = (
+        taut_moments(segment.motion, counted(segment.motion), drive) if any(drive.values()) else segment.taut
+    )
+    return Decimated(low.T, taut, segment.time, segment.motion, segment.rest, live)
 
 
 def to_cache(low: Decimated) -> CachedSegment:

@@ -71,6 +71,7 @@ def fit_of(window: MainWindow) -> FitTab:
 @pytest.fixture
 def analysed(qtbot: QtBot, window: MainWindow) -> MainWindow:
     click(window, "analyse")
+    assert child(window, QLabel, "fitEmpty").text() == "Fitting air.h5"
     qtbot.waitUntil(lambda: fit_of(window).found is not None and not window.tasks.busy, timeout=PATIENCE)
     return window
 

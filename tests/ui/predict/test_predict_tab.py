@@ -94,6 +94,7 @@ def predicted(
     answer: Callable[..., tuple[list[str], str]] = lambda *_: ([str(p) for p in model_files], "")  # noqa: E731
     monkeypatch.setattr(QFileDialog, "getOpenFileNames", staticmethod(answer))
     click(window, "addModels")
+    assert child(window, QLabel, "predictEmpty").text() == "Predicting the force in contact.h5"
     qtbot.waitUntil(lambda: predict_of(window).found is not None and not window.tasks.busy, timeout=PATIENCE)
     return window
 
