@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from fingerlab.acquisition.bench.process_bench import InlineBench, ProcessBench
 from fingerlab.acquisition.bench.steering import LoopSettings
-from fingerlab.acquisition.control.units import BenchUnits
+from fingerlab.acquisition.control.position import BenchUnits
 from fingerlab.devices.choosing import DeviceChoice
 from fingerlab.devices.simulated import SimulatedRig
-from fingerlab.rig.constants import Rig
+from fingerlab.rig.file import Rig
 
 if TYPE_CHECKING:
     from PySide6.QtWidgets import QApplication
@@ -60,7 +60,7 @@ def shown_window(folder: Path, tab: str) -> Iterator[tuple[MainWindow, QApplicat
     from PySide6.QtWidgets import QApplication
 
     from fingerlab.ui.app import application
-    from fingerlab.ui.app.settings import Settings
+    from fingerlab.ui.app.context import Settings
     from fingerlab.ui.app.window import MainWindow
 
     app = QApplication.instance() or QApplication(sys.argv[:1])

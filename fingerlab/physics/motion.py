@@ -15,7 +15,7 @@ import numpy as np
 
 from fingerlab.physics import nominal
 from fingerlab.physics.friction_states import rubbing_forces, with_grid
-from fingerlab.rig.constants import Finger, Intervention, Motor
+from fingerlab.rig.file import Finger, Intervention, Motor
 from fingerlab.sessions.model import Array
 
 GLIMPSE_SAMPLES = 300

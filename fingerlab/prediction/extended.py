@@ -24,7 +24,7 @@ from fingerlab.diagnosis.signals.scales import SI, Scales
 from fingerlab.effects import find_effect
 from fingerlab.effects.base import Effect
 from fingerlab.models.file import DIAGNOSIS_METHOD, Model, ParameterEstimate, SessionHash
-from fingerlab.rig.constants import Rig
+from fingerlab.rig.file import Rig
 from fingerlab.sessions.model import Array
 from fingerlab.signals.periods import MINIMUM_PERIODS, PeriodGrid, cross_correlation_delay
 from fingerlab.thesis.prediction import ForcePrediction, judge_forces

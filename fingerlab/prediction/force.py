@@ -35,7 +35,7 @@ from fingerlab.diagnosis.equations.features import (
     shifted_columns,
     turned_columns,
 )
-from fingerlab.diagnosis.gram.decimation import counted
+from fingerlab.diagnosis.gram.runs import counted
 from fingerlab.diagnosis.settings import SLIP_STIFFNESSES
 from fingerlab.diagnosis.signals.filters import decimate
 from fingerlab.diagnosis.signals.scales import SI, Scales, reduced_rig, reduced_run

@@ -14,7 +14,7 @@ from PySide6.QtWidgets import QCheckBox, QComboBox, QToolButton, QWidget
 from pytestqt.qtbot import QtBot
 
 from fingerlab.signals.prepare import amplitude_density
-from fingerlab.ui.app.settings import Settings
+from fingerlab.ui.app.context import Settings
 from fingerlab.ui.sessions.review_page import ReviewPage
 from fingerlab.ui.widgets.free_plots import FreePlots, PlotsButton
 
