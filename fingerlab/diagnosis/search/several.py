@@ -213,7 +213,7 @@ def _in_order(scorer: Scorer, fitted: FittedModel, keep: int) -> list[FittedMode
 def _first_fall(
     scorer: Scorer, before: FittedModel, tried: Sequence[tuple[int, FittedModel]]
 ) -> tuple[int, FittedModel]:
-    """The first that leaves less on runs left out, held out, with its number; if none does, the very first."""
+    """The first that leaves less on runs left out, with its number; if none does, the first of all."""
     for number, one in tried:
         held_out = scorer.score_held_out(one)
         if held_out.score < before.score:
