@@ -182,14 +182,14 @@ def score_parts(sessions: Sequence[Session], reduced: Reduced, fitted: FittedMod
 
 def left_aside(reduction: Reduction, reduced: Reduced, fitted: FittedModel) -> tuple[LeftAside, ...]:
     """What of each condition's time some equation, or none at all, is not judged by, and why."""
-    members, found = _members(reduction.sessions), list[LeftAside]()
-    numbers = {id(run): k for k, (_, run) in enumerate(runs_to_analyse(reduction.sessions)[0])}
+    every = [run for _, run in runs_to_analyse(reduction.sessions)[0]]
+    members, found = _numbered_members(every), list[LeftAside]()
     for group in reduced.groups:
         for condition in group.conditions:
-            runs = members[group.key, condition]
+            mine = members[group.key, condition]
+            runs = [every[number] for number in mine]
             folds = [group.folds[k] for k in group.of_condition(condition)]
             whole = NARROW_RATE_HZ * sum(run.seconds for run in runs)
-            mine = [numbers[id(run)] for run in runs]
             put_right = sum(
                 count for n in mine for name, count in reduction.repairs[n].items() if name != BRIDGED
             )
@@ -225,9 +225,15 @@ def _shares_of_rows(fitted: FittedModel, group: Group) -> dict[Row, float]:
 def _members(sessions: Sequence[Session]) -> dict[tuple[GroupKey, int], list[Run]]:
     """The runs of each condition of each group, as the reading deals them."""
     runs = [run for _, run in runs_to_analyse(sessions)[0]]
+    numbered = _numbered_members(runs)
+    return {key: [runs[number] for number in numbers] for key, numbers in numbered.items()}
+
+
+def _numbered_members(runs: Sequence[Run]) -> dict[tuple[GroupKey, int], list[int]]:
+    """The same by the numbers of the runs."""
     folds, places = deal_runs(runs)
-    members: dict[tuple[GroupKey, int], list[Run]] = {}
-    for run, place in zip(runs, places, strict=True):
+    members: dict[tuple[GroupKey, int], list[int]] = {}
+    for number, (run, place) in enumerate(zip(runs, places, strict=True)):
         key = group_key(run)
-        members.setdefault((key, folds[key][place].condition), []).append(run)
+        members.setdefault((key, folds[key][place].condition), []).append(number)
     return members
