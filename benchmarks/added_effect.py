@@ -22,7 +22,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from benchmarks.machine import ADDED, code_words, load_average, machine_words, with_section
+from benchmarks.machine import ADDED, BUSY_LOAD, code_words, load_average, machine_words, with_section
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "docs" / "benchmarks.md"
@@ -95,7 +95,7 @@ def quickest(turns: list[dict[str, Seconds]], step: str) -> Seconds:
 
 def section(pairs: list[tuple[dict[str, Seconds], dict[str, Seconds]]], head: str) -> str:
     """The measurements as Markdown."""
-    lines = [head, "", "| step | wall before, s | wall, s | processor before, s | processor, s | ratio |"]
+    lines = [head, "", "| step | wall before, s | wall, s | processor before, s | processor, s | of it |"]
     lines.append("|---|---|---|---|---|---|")
     for step, title in STEPS.items():
         before, after = (quickest([pair[k] for pair in pairs], step) for k in (0, 1))
@@ -124,6 +124,7 @@ def main() -> None:
         f"Made with `python -m benchmarks.added_effect` on {machine_words()}, load average {load:.1f} "
         f"before, {load_average():.1f} after; {code_words()}, in turns with {code_words(base)}, on {what}: "
         f"{asked.effect} is added after a first diagnosis. The quickest of {asked.repeats} turns."
+        + (" Other programs shared the machine: compare the processor's times." if load >= BUSY_LOAD else "")
     )
     text = section(pairs, head)
     print(text)

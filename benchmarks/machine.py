@@ -20,6 +20,8 @@ ROOT = Path(__file__).resolve().parent.parent
 Frame = tuple[float, float]
 """Milliseconds on the wall, and of the processor."""
 
+BUSY_LOAD = 1.5
+"""From this load average on, other programs are taken to share the machine."""
 LOOPS = 400_000
 SLICES = 20
 

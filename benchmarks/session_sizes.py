@@ -24,7 +24,7 @@ from pathlib import Path
 
 import psutil
 
-from benchmarks.machine import ADDED, code_words, load_average, machine_words, with_section
+from benchmarks.machine import ADDED, BUSY_LOAD, code_words, load_average, machine_words, with_section
 from fingerlab.sessions import SessionWriter, open_session
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -41,8 +41,6 @@ LOOK_S = 0.1
 REPEATS = 3
 """So often the start and the smallest size are measured; the quickest counts, for what else the machine does
 only ever takes time."""
-BUSY_LOAD = 1.5
-"""From this load average on, other programs are taken to share the machine."""
 
 
 @dataclass(frozen=True)
