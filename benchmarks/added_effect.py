@@ -95,7 +95,11 @@ def quickest(turns: list[dict[str, Seconds]], step: str) -> Seconds:
 
 def section(pairs: list[tuple[dict[str, Seconds], dict[str, Seconds]]], head: str) -> str:
     """The measurements as Markdown."""
-    lines = [head, "", "| step | wall before, s | wall, s | processor before, s | processor, s | of it |"]
+    lines = [
+        head,
+        "",
+        "| step | wall before, s | wall, s | processor before, s | processor, s | share of it |",
+    ]
     lines.append("|---|---|---|---|---|---|")
     for step, title in STEPS.items():
         before, after = (quickest([pair[k] for pair in pairs], step) for k in (0, 1))
