@@ -15,12 +15,11 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from fingerlab.acquisition.bench.process_bench import InlineBench, ProcessBench
 from fingerlab.acquisition.bench.steering import LoopSettings
-from fingerlab.acquisition.control.units import BenchUnits
+from fingerlab.acquisition.control.position import BenchUnits
 from fingerlab.devices.choosing import DeviceChoice
 from fingerlab.devices.ni.card import NiCard
 from fingerlab.devices.simulated import SimulatedBench, SimulatedRig, Simulation
-from fingerlab.rig.constants import Rig
-from fingerlab.rig.file import default_rig
+from fingerlab.rig.file import Rig, default_rig
 
 if TYPE_CHECKING:
     from PySide6.QtWidgets import QApplication
@@ -74,7 +73,7 @@ def shown_window(folder: Path, tab: str) -> Iterator[tuple[MainWindow, QApplicat
     from PySide6.QtWidgets import QApplication
 
     from fingerlab.ui.app import application
-    from fingerlab.ui.app.settings import Settings
+    from fingerlab.ui.app.context import Settings
     from fingerlab.ui.app.window import MainWindow
 
     app = QApplication.instance() or QApplication(sys.argv[:1])

@@ -17,7 +17,7 @@ from PySide6.QtWidgets import QLabel, QTableView, QWidget
 
 from fingerlab.acquisition.bench.process_bench import InlineBench
 from fingerlab.acquisition.bench.steering import LoopSettings
-from fingerlab.acquisition.control.units import BenchUnits
+from fingerlab.acquisition.control.position import BenchUnits
 from fingerlab.calibration import StepTiming
 from fingerlab.cli.main import cli
 from fingerlab.core.text import estimate_text, score_text

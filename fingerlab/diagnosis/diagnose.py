@@ -195,11 +195,20 @@ def searched_again(question: Question, scorer: Scorer, found: Found) -> Found:
     if reduction.constants is None:
         reduction.constants = before
         return found
+    if found.many and not _take_up_most(of.with_constants(reduction.constants), last):
+        reduction.constants = before
+        return found
     other = search_effects(question, scorer.with_constants(reduction.constants))
     if other.path[-1].misfit < STILL_LEFT * last.misfit:
         return other
     reduction.constants = before
     return found
+
+
+def _take_up_most(scorer: Scorer, fitted: FittedModel) -> bool:
+    """Whether the constants of the runs explain most of what a model misses that was found without them."""
+    beside = scorer.fit_reweighted(fitted.choices, fitted)
+    return scorer.score_held_out(beside).misfit < STILL_LEFT * fitted.misfit
 
 
 def _answer(question: Question, found: Found, display: Display | None, started: float) -> Diagnosis:

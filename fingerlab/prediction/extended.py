@@ -24,7 +24,7 @@ from fingerlab.diagnosis.signals.scales import SI, Scales
 from fingerlab.effects import find_effect
 from fingerlab.effects.base import Effect
 from fingerlab.models.file import DIAGNOSIS_METHOD, Model, ParameterEstimate, SessionHash
-from fingerlab.rig.constants import Rig
+from fingerlab.rig.file import Rig
 from fingerlab.sessions.model import Array
 from fingerlab.signals.periods import MINIMUM_PERIODS, PeriodGrid, cross_correlation_delay
 from fingerlab.thesis.prediction import ForcePrediction, judge_forces
@@ -393,7 +393,7 @@ def _effect(name: str, shape: Mapping[str, float], where: str) -> ChosenEffect:
             "let its file in first ('fingerlab effects' tells how), else use the program that wrote the file."
         )
     tried = [s for point in found.shapes for s in (point, *found.closer(point))]
-    wanted, known = set(found.shape_units), {key for s in tried for key in s}
+    wanted, known = set(found.shape_units), {*found.follows, *(key for s in tried for key in s)}
     if not wanted <= set(shape) <= known:
         raise UserError(
             f"{where} gives '{name}' the shape {sorted(shape)}, but that effect here has "

@@ -16,7 +16,7 @@ import numpy as np
 from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress
 from fingerlab.core.text import factor
-from fingerlab.rig.constants import Motor, Rig
+from fingerlab.rig.file import Motor, Rig
 from fingerlab.sessions.hdf5 import sample_fault
 from fingerlab.sessions.mapping import AXIS_RADIUS_M, Axis, Column, Table, map_columns, short_name
 from fingerlab.sessions.model import LEAST_RATE, MOST_RATE, RATE_TOLERANCE, REQUIRED_CHANNELS, Array

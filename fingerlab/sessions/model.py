@@ -11,7 +11,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from fingerlab.core.errors import UserError
-from fingerlab.rig.constants import INTERVENTION, Rig
+from fingerlab.rig.file import INTERVENTION, Rig
 
 FORMAT_NAME = "fingerlab-session"
 FORMAT_VERSION = "1"
@@ -259,10 +259,6 @@ class Session:
     rig: Rig
     runs: tuple[Run, ...]
     attributes: Mapping[str, Any] = field(default_factory=dict)
-
-    def runs_of(self, *phases: str) -> tuple[Run, ...]:
-        """The runs taken in one of the phases, in the order taken."""
-        return tuple(run for run in self.runs if run.phase in phases)
 
     def contact_runs(self) -> tuple[Run, ...]:
         """Runs in contact with a cable, of the machine as it is, in the order taken; may be empty."""

@@ -16,7 +16,7 @@ from fingerlab.core.errors import UserError
 from fingerlab.core.plain_data import read_object
 from fingerlab.core.progress import Progress
 from fingerlab.core.text import same_unit
-from fingerlab.rig.constants import Motor, Rig, intervention_of
+from fingerlab.rig.file import Motor, Rig, intervention_of
 from fingerlab.sessions.hdf5 import MOST_RUNS, DatasetFacts, FileReader, attributes_of, datasets_of, open_hdf5
 from fingerlab.sessions.model import (
     CABLES,

@@ -17,7 +17,7 @@ import numpy as np
 import fingerlab
 from fingerlab.core.errors import UserError
 from fingerlab.core.files import claim, move_into_place
-from fingerlab.rig.constants import Rig
+from fingerlab.rig.file import Rig
 from fingerlab.sessions.disk_files import TargetFile
 from fingerlab.sessions.hdf5 import sample_fault, write_attributes, writing_to
 from fingerlab.sessions.model import (

@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 
 from fingerlab.core.errors import UserError
-from fingerlab.rig.constants import Rig
+from fingerlab.rig.file import Rig
 from fingerlab.sessions.model import Array, Run, longest_piece
 
 BUTTERWORTH_ORDER = 4

@@ -15,7 +15,7 @@ from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress
 from fingerlab.core.text import ParameterEstimate
 from fingerlab.models.file import Model, hash_sessions
-from fingerlab.rig.constants import Rig
+from fingerlab.rig.file import Rig
 from fingerlab.sessions.model import Array, Run, Session
 from fingerlab.sessions.trajectory import named_frequency
 from fingerlab.signals.periods import usable

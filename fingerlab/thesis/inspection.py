@@ -12,7 +12,7 @@ from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress
 from fingerlab.core.text import ParameterEstimate
 from fingerlab.physics.nominal import cable_wound
-from fingerlab.rig.constants import Rig
+from fingerlab.rig.file import Rig
 from fingerlab.sessions.model import Array, Session
 from fingerlab.signals.periods import (
     REGIONS,

@@ -28,7 +28,7 @@ from fingerlab.physics.nominal import (
     pip_torque,
     tension,
 )
-from fingerlab.rig.constants import Finger, Rig
+from fingerlab.rig.file import Finger, Rig
 from fingerlab.sessions.model import Array, Run
 from fingerlab.sessions.trajectory import named_frequency
 from fingerlab.signals.periods import (

@@ -21,7 +21,7 @@ from PySide6.QtWidgets import (
 from fingerlab.acquisition.control.machine import Event, Mode, SetGains
 from fingerlab.acquisition.protocols.driver import LONGEST_BEFORE_S
 from fingerlab.core.text import grouped
-from fingerlab.rig.constants import Rig
+from fingerlab.rig.file import Rig
 from fingerlab.sessions.model import FINGER_PHASES
 
 from ..app.undo import FormHistory
@@ -37,8 +37,8 @@ from ..widgets.fields import (
     set_shown,
     set_usable,
 )
-from ..widgets.labels import ElidedLabel, heading, remark
 from ..widgets.layout import FLUSH, described, hbox, vbox
+from ..widgets.tables import ElidedLabel, heading, remark
 from .bench_controller import BenchController
 from .bench_setup import LOADED_PHASE, cable_refusal
 from .motion_form import GainsButton, MotionForm, MotionsButton

@@ -14,7 +14,7 @@ from PySide6.QtWidgets import QComboBox, QFileDialog, QLabel, QPushButton, QWidg
 from fingerlab.core.errors import UserError
 
 from ..app.context import ApplicationContext
-from ..app.dialogs import ask_to_run as ask
+from ..app.window import ask_to_run as ask
 from ..lab import practice
 from ..widgets.fields import (
     WholeField,
@@ -26,8 +26,8 @@ from ..widgets.fields import (
     set_usable,
     take_typed,
 )
-from ..widgets.labels import heading, remark
 from ..widgets.layout import as_written, described
+from ..widgets.tables import heading, remark
 from .bench_setup import BenchRequest, forget_own_device, own_device_file, own_device_files
 
 if TYPE_CHECKING:

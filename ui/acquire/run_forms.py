@@ -35,12 +35,12 @@ from fingerlab.acquisition.protocols.steps import (
 )
 from fingerlab.core.errors import UserError
 from fingerlab.report.diagnosis_words import PHASE_WORDS
-from fingerlab.rig.constants import changed_words
+from fingerlab.rig.file import changed_words
 from fingerlab.sessions.trajectory import trajectory_words
 
 from ..widgets.fields import WholeField, choice, form_menu, number, refuse_entries
-from ..widgets.labels import heading, remark
 from ..widgets.layout import described
+from ..widgets.tables import heading, remark
 
 JOINTS = {"mcp": "MCP", "pip": "PIP"}
 

@@ -18,14 +18,14 @@ from fingerlab.thesis.traces import Delay, FitSpec, Method
 from ..app.context import ApplicationContext
 from ..app.tab_registry import SEPARATOR, Command, Tab
 from ..app.worker import IsCancelled, Progress
-from ..widgets.labels import header_name, heading, remark
 from ..widgets.layout import described, hbox, lay_out_invitation, vbox
+from ..widgets.tables import header_name, heading, remark
 from .fit_view import FitResultView
 
 if TYPE_CHECKING:
     from fingerlab.sessions.model import Session
 
-    from .replicate_dialog import ReplicateDialog
+    from .fit_view import ReplicateDialog
 
 METHOD_WORDS: dict[Method, str] = {
     "regions": "four regions",
@@ -202,7 +202,7 @@ class FitTab(Tab):
 
     def show_replicate(self) -> None:
         """The thesis' experiment on the simulated rig, beside the published numbers."""
-        from .replicate_dialog import ReplicateDialog
+        from .fit_view import ReplicateDialog
 
         if self._replicate is None:
             self._replicate = ReplicateDialog(self.widget)

@@ -47,10 +47,6 @@ class ModelStep:
         """What tells it from the other models."""
         return self.added, self.held
 
-    @property
-    def last_added(self) -> str | None:
-        return self.added[-1] if self.added else None
-
     def change_from(self, before: ModelStep) -> tuple[tuple[str, ...], tuple[str, ...]]:
         """The effects that came in after another step, and those that went out."""
         came = tuple(name for name in self.added if name not in before.added)

@@ -26,7 +26,7 @@ from .evidence import EvidencePanel
 from .lab_frame import BetterModelBanner, StepsColumn
 from .parameters import ParametersPanel
 from .result_words import NOTHING, UNKNOWN, best_choice, equation_text, find_candidate, step_results
-from .score_parts import ScorePartsDialog
+from .side_by_side import ScorePartsDialog
 from .truth import TruthPanel
 from .where import WherePanel
 

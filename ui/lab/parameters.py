@@ -22,9 +22,8 @@ from fingerlab.report.parameter_words import cells, known_by, parameter_title, p
 
 from ..app.undo import UndoSteps
 from ..widgets.fields import NumberField, set_usable
-from ..widgets.labels import ElidedLabel, WholeLabel, heading
 from ..widgets.layout import FLUSH, Spacer, described, hbox, vbox
-from ..widgets.tables import NumberTable
+from ..widgets.tables import ElidedLabel, NumberTable, WholeLabel, heading
 from ..widgets.theme import small_font
 from .comparison_curves import joined, run_key
 from .result_words import error_texts

@@ -24,10 +24,10 @@ from fingerlab.report.diagnosis_words import (
 )
 from fingerlab.sessions.model import Array
 
-from ..widgets.labels import ElidedLabel, remark
 from ..widgets.layout import FLUSH, hbox, vbox
 from ..widgets.plots import QuietPlot, plain_curve, span_of
 from ..widgets.series import Series
+from ..widgets.tables import ElidedLabel, remark
 from ..widgets.theme import colours_of, line, tint
 from .comparison_bar import CURVES, WHERE, LegendKey, LegendKeys
 from .result_words import FLOOR_HELP, equation_text

@@ -18,8 +18,8 @@ from ..app.tab_registry import Command, Tab
 from ..app.undo import UndoSteps
 from ..app.worker import IsCancelled, Progress
 from ..widgets.fields import ViewChoice
-from ..widgets.labels import ElidedLabel, header_name, heading, remark
 from ..widgets.layout import FLUSH, Panes, described, hbox, lay_out_invitation, vbox
+from ..widgets.tables import ElidedLabel, header_name, heading, remark
 from ..widgets.theme import small_font
 from .force_panel import PANEL_WIDTH, ForceTable, PredictPanel
 from .force_plots import ForcePlot, PeriodPlot, SweepPlot
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from fingerlab.prediction.comparing import Beside, ModelComparison
     from fingerlab.sessions.model import Session
 
-    from .models_dialog import ModelsDialog
+    from .force_panel import ModelsDialog
 
 MODEL_FILTER = "Model files (*.json)"
 OWNER = "predict"
@@ -255,7 +255,7 @@ class PredictTab(Tab):
 
     def show_comparison(self, found: ModelComparison) -> None:
         """Show models that were compared."""
-        from .models_dialog import ModelsDialog
+        from .force_panel import ModelsDialog
 
         if self._compared is None:
             self._compared = ModelsDialog(self.widget)

@@ -104,7 +104,7 @@ MARGIN = 1.0
 
 @dataclass
 class Layer:
-    """Attributes: number: 0 for the run under review, else that of its line (``overlays.py``).
+    """Attributes: number: 0 for the run under review, else that of its line (``review_pane.py``).
     shift: s, added to the run's time on the screen. samples: read last, with ``time``; version: counts how
     often there were others. name: as the legend has it.
     """

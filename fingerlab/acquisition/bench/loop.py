@@ -52,8 +52,8 @@ from fingerlab.acquisition.control.machine import (
     Tare,
     Winding,
 )
+from fingerlab.acquisition.control.position import Reader
 from fingerlab.acquisition.control.safety import EncoderFault, Reading, Safety
-from fingerlab.acquisition.control.units import Reader
 from fingerlab.acquisition.ring import Publisher, Ring
 from fingerlab.acquisition.status import SharedStatus, Slot, Text
 from fingerlab.core.errors import UserError

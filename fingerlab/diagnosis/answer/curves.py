@@ -18,7 +18,7 @@ from fingerlab.diagnosis.answer.results import (
 from fingerlab.diagnosis.equations.columns import CABLE_NAMES
 from fingerlab.diagnosis.equations.features import FORCE, BoolArray
 from fingerlab.diagnosis.fit.noise import floor_covariance
-from fingerlab.diagnosis.gram.decimation import Decimated, counted
+from fingerlab.diagnosis.gram.runs import Decimated, counted
 from fingerlab.diagnosis.gram.sums import Group, Reduced
 from fingerlab.diagnosis.score.evidence import Evidence
 from fingerlab.diagnosis.score.fitted_model import FittedModel

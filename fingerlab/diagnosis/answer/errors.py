@@ -39,8 +39,7 @@ from fingerlab.diagnosis.signals.conditions import GroupKey, deal_runs, group_ke
 from fingerlab.diagnosis.signals.filters import BRIDGED
 from fingerlab.diagnosis.signals.scales import as_recorded
 from fingerlab.effects.base import Row
-from fingerlab.rig.constants import changed_words
-from fingerlab.rig.file import sources_of
+from fingerlab.rig.file import changed_words, sources_of
 from fingerlab.sessions.model import Array, Run, Session
 
 FAMILY_UNITS = {"joint_torque": "N m", "cable_kinematics": "m", "motor_torque": "N m", "endpoint_force": "N"}

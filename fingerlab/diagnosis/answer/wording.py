@@ -19,7 +19,7 @@ from fingerlab.diagnosis.signals.filters import BRIDGED
 from fingerlab.effects import find_effect
 from fingerlab.effects.base import Effect, Row
 from fingerlab.models.file import ParameterEstimate
-from fingerlab.rig.constants import Rig
+from fingerlab.rig.file import Rig
 from fingerlab.sessions.model import Array
 
 SENSORS = {"mcp_angle": "MCP sensor", "pip_angle": "PIP sensor", "motor_position": "motor's encoder"}

@@ -35,6 +35,7 @@ from fingerlab.diagnosis.equations.features import (
 from fingerlab.diagnosis.equations.parameters import nuisance_ranges, spread_of
 from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import Effect, Row, Term
+from fingerlab.effects.joints import LATE, as_effects_see_it
 from fingerlab.physics.motion import Motion
 from fingerlab.sessions.model import Array, Session
 
@@ -88,6 +89,7 @@ def effect_columns(motion: Motion, effects: Sequence[Effect]) -> Iterator[Column
 
 def _of_effects(motion: Motion, effects: Sequence[Effect]) -> Iterator[Column]:
     alone = motion.finger is None
+    motion = as_effects_see_it(motion, effects)
     for effect in effects:
         if alone and not effect.bench:
             continue
@@ -175,7 +177,8 @@ def asked_of(
     common = len(layout.base)
     if first is not None:
         cached[layout.signals[:common]] = first.signals[:common]
-    known = {} if first is None or anew else {e.id: e for e in first.effects}
+    late = any(shape.get(LATE) for e in effects for shape in e.shapes)  # all columns are others then
+    known = {} if first is None or anew or late else {e.id: e for e in first.effects}
     for number, effect in enumerate(effects):
         before = known.get(effect.id)
         if first is None or before is None or not _same_columns(effect, before):

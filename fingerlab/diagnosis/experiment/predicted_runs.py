@@ -39,7 +39,7 @@ from fingerlab.diagnosis.signals.segments import segments_of
 from fingerlab.physics import nominal
 from fingerlab.physics.motion import Motion, added_body
 from fingerlab.physics.nominal import JointMotion
-from fingerlab.rig.constants import UNCHANGED, Finger, Intervention, Rig
+from fingerlab.rig.file import UNCHANGED, Finger, Intervention, Rig
 from fingerlab.sessions.model import Array, Run, Session
 
 

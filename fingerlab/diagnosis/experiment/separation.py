@@ -31,8 +31,7 @@ from fingerlab.diagnosis.equations.parameters import TORQUE_ZERO
 from fingerlab.diagnosis.fit.noise import torque_noise
 from fingerlab.diagnosis.fit.solver import scaled_inverse
 from fingerlab.diagnosis.fit.weights import Weights, feature_weights, own_to_a_run
-from fingerlab.diagnosis.gram.decimation import decimated_columns
-from fingerlab.diagnosis.gram.runs import pair_sums
+from fingerlab.diagnosis.gram.runs import decimated_columns, pair_sums
 from fingerlab.diagnosis.gram.sums import Group, Reduced, Sums
 from fingerlab.diagnosis.score.calibration import CalibrationTable, Odds, answer_distances, calibration
 from fingerlab.diagnosis.score.evidence import Evidence

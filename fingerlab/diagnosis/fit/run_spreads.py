@@ -27,7 +27,7 @@ from fingerlab.diagnosis.gram.sums import (
 )
 from fingerlab.diagnosis.settings import LEAST_CONSTANTS, LEAST_SHARE_OF_CONSTANTS, SPREAD_STEPS, SPREADS
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
-from fingerlab.rig.constants import Rig
+from fingerlab.rig.file import Rig
 from fingerlab.sessions.model import Array
 
 

@@ -23,12 +23,11 @@ import numpy as np
 from fingerlab.diagnosis.equations.columns import CABLE_NAMES
 from fingerlab.diagnosis.equations.features import IntArray, Layout, Pick
 from fingerlab.diagnosis.equations.model import Model
-from fingerlab.diagnosis.signals.conditions import Fold, GroupKey
-from fingerlab.diagnosis.signals.contradictions import Facts
+from fingerlab.diagnosis.signals.conditions import Facts, Fold, GroupKey
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
 from fingerlab.diagnosis.signals.segments import Senses
 from fingerlab.effects.base import Row
-from fingerlab.rig.constants import Rig
+from fingerlab.rig.file import Rig
 from fingerlab.sessions.model import Array
 
 SOURCES = ("mcp_angle", "pip_angle", "motor_torque", "motor_position")

@@ -41,7 +41,7 @@ from fingerlab.diagnosis.signals.filters import (
 from fingerlab.diagnosis.signals.scales import LEAST_SECONDS, as_recorded, reduced_change, scales_of
 from fingerlab.physics.motion import Motion
 from fingerlab.physics.nominal import JointMotion
-from fingerlab.rig.constants import Rig
+from fingerlab.rig.file import Rig
 from fingerlab.sessions.model import Array, Run, whole_pieces
 
 

@@ -14,8 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from fingerlab.rig.constants import Rig
-from fingerlab.rig.file import CONSTANT_UNITS
+from fingerlab.rig.file import CONSTANT_UNITS, Rig
 from fingerlab.sessions import Run, Session
 from fingerlab.sessions.model import CHANNEL_UNITS, Array
 

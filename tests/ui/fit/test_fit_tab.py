@@ -13,7 +13,7 @@ from PySide6.QtWidgets import QComboBox, QFileDialog, QLabel, QPushButton
 from pytestqt.qtbot import QtBot
 
 from fingerlab.models.file import load_model
-from fingerlab.rig.constants import Finger, Motor, Rig
+from fingerlab.rig.file import Finger, Motor, Rig
 from fingerlab.sessions import SessionWriter
 from fingerlab.ui.app.tab_registry import TabEntry
 from fingerlab.ui.app.window import MainWindow

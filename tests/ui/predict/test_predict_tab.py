@@ -17,7 +17,7 @@ from pytestqt.qtbot import QtBot
 from fingerlab.acquisition.control.trajectories import read_trajectory
 from fingerlab.models.file import Model, ParameterEstimate, load_model, save_model
 from fingerlab.prediction.comparing import predict_beside
-from fingerlab.rig.constants import Finger, Motor, Rig
+from fingerlab.rig.file import Finger, Motor, Rig
 from fingerlab.sessions import SessionWriter, open_session
 from fingerlab.ui.app.tab_registry import TabEntry
 from fingerlab.ui.app.window import MainWindow

@@ -15,7 +15,7 @@ from pytestqt.qtbot import QtBot
 from scipy.signal import welch
 
 from fingerlab.signals.prepare import amplitude_density
-from fingerlab.ui.app.settings import Settings
+from fingerlab.ui.app.context import Settings
 from fingerlab.ui.sessions.review_page import ReviewPage
 from fingerlab.ui.widgets.free_plots import FreePlots, PlotsButton
 
