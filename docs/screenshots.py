@@ -31,7 +31,7 @@ from screenshot_states import FACTS, TABS, States, pause
 
 from fingerlab.ui.app import application
 from fingerlab.ui.app.application import Tidier
-from fingerlab.ui.app.settings import Settings
+from fingerlab.ui.app.context import Settings
 from fingerlab.ui.app.window import MainWindow
 from fingerlab.ui.widgets.theme import apply_appearance
 

@@ -17,7 +17,7 @@ from PySide6.QtCore import QSettings, QTimer
 from PySide6.QtWidgets import QApplication
 
 from .app.application import prepare
-from .app.settings import Settings
+from .app.context import Settings
 from .app.window import MainWindow
 from .app.worker import Failed
 

@@ -19,9 +19,9 @@ from fingerlab.core.files import read_text
 from fingerlab.core.plain_data import parsed, structured
 from fingerlab.core.progress import Progress
 from fingerlab.core.text import ParameterEstimate, factor
-from fingerlab.rig.constants import Rig
 from fingerlab.rig.daq import AnalogInput, plain_section
-from fingerlab.sessions.copying import edited_copy
+from fingerlab.rig.file import Rig
+from fingerlab.sessions.exporting import edited_copy
 from fingerlab.sessions.hdf5 import write_attributes
 from fingerlab.sessions.model import Array, Run
 from fingerlab.sessions.reading import open_session

@@ -29,7 +29,7 @@ from fingerlab.cli.common import (
 from fingerlab.core.errors import UserError
 from fingerlab.core.plain_data import json_ready
 from fingerlab.core.text import fixed, largest_of, score_text, screen_unit
-from fingerlab.report.batch_words import change_sentence, not_shown_sentence, outcome_words, trend_cells
+from fingerlab.report.comparison_words import change_sentence, not_shown_sentence, outcome_words, trend_cells
 
 TOLD_FAILURES = 5
 """Failed sessions that are told one by one; the rest are in the table."""

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from fingerlab.acquisition.check_rig.look import CheckProtocol, Operator, Outcome
     from fingerlab.acquisition.check_rig.walk import Step
     from fingerlab.devices.choosing import DeviceChoice
-    from fingerlab.rig.constants import Rig
+    from fingerlab.rig.file import Rig
 
 STATES = {
     "trusted": "confirmed in the window",

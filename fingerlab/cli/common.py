@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from fingerlab.models.file import Model
-    from fingerlab.rig.constants import Rig
+    from fingerlab.rig.file import Rig
 
 PATH = click.Path(path_type=Path)
 TABLE_WIDTH = 128

@@ -28,8 +28,7 @@ from fingerlab.models.file import load_model
 from fingerlab.prediction import ExtendedModel, extended_model
 from fingerlab.prediction.comparing import ComparedModel, ModelComparison, compare_models
 from fingerlab.prediction.predict import spread_over
-from fingerlab.report.page_tables import compared_rows, error_rows, judged_as_they_stand
-from fingerlab.report.run_pair_words import (
+from fingerlab.report.comparison_words import (
     cell,
     channel_title,
     channels_of,
@@ -37,6 +36,7 @@ from fingerlab.report.run_pair_words import (
     pairs_json,
     pairs_sentence,
 )
+from fingerlab.report.page_tables import compared_rows, error_rows, judged_as_they_stand
 from fingerlab.sessions import Session, open_session
 from fingerlab.signals.run_pairs import compare_sessions
 

@@ -257,7 +257,7 @@ def report(
     written.
     """
     from fingerlab.report.page import Extras, write_report
-    from fingerlab.report.story import diagnose_each, story
+    from fingerlab.report.score_words import diagnose_each, story
     from fingerlab.sessions import open_session
 
     _check_places(out, pdf, figures, equation, json_target)

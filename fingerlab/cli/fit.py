@@ -22,10 +22,13 @@ from fingerlab.core.text import in_words, mean_and_deviation, number
 from fingerlab.models.file import estimate_to_json
 from fingerlab.sessions import Session, open_session
 from fingerlab.signals.periods import REGION_TITLES, THRESHOLDS_PERCENT
-from fingerlab.thesis.fitting import SessionFit, delay_estimate, fit_session, model_of_fit
-from fingerlab.thesis.motor_bench import (
+from fingerlab.thesis.fitting import (
     MotorBenchFit,
+    SessionFit,
+    delay_estimate,
     fit_motor_bench,
+    fit_session,
+    model_of_fit,
     model_of_motor_bench,
     motor_bench_runs,
 )
@@ -94,7 +97,7 @@ def fit(
 def _figures(session: Session, folder: Path | None) -> Any:
     if folder is None:
         return None
-    from fingerlab.report.thesis_figures import thesis_figures
+    from fingerlab.report.force_figures import thesis_figures
     from fingerlab.thesis.analysis import thesis_analysis
 
     bar, report = progress_bar("Drawing")

@@ -35,10 +35,8 @@ from fingerlab.core.text import mean_and_deviation, number, r2_text
 from fingerlab.diagnosis.signals.scales import find_scales
 from fingerlab.models.file import DIAGNOSIS_METHOD, Model, load_model
 from fingerlab.prediction import EQUATIONS, extended_model, predict_extended
-from fingerlab.prediction.extended import EQUATION_WORDS, Equation, ExtendedModel
-from fingerlab.prediction.force import contact_runs
+from fingerlab.prediction.extended import EQUATION_WORDS, LEVEL, Equation, ExtendedModel
 from fingerlab.prediction.inverse import TorquePlan, needed_torque, plan_json, predictors
-from fingerlab.prediction.judging import LEVEL
 from fingerlab.prediction.predict import ExtendedPrediction, RunPrediction, interval_over, spread_over
 from fingerlab.prediction.target import ContactPose, pose_by_hand, pose_of_run, wanted_force, words_of
 from fingerlab.report.diagnosis_words import effect_title, in_sentence
@@ -390,7 +388,7 @@ def _pose(session: Session, run_name: str | None, angles: tuple[float, float] | 
         if run_name is not None:
             raise UserError("Give either --run or --pose, not both.")
         return pose_by_hand(math.radians(angles[0]), math.radians(angles[1]))
-    runs = {run.name: run for run in contact_runs(session)}
+    runs = {run.name: run for run in session.contact_runs()}
     if not runs:
         raise UserError(
             f"{session.path} has no contact run with a cable; give --pose with the "

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from fingerlab.acquisition.protocols.script import Order
     from fingerlab.devices.choosing import DeviceChoice
     from fingerlab.models.file import Model
-    from fingerlab.rig.constants import Rig
+    from fingerlab.rig.file import Rig
 
 FORCE = Within(min=0.05, max=50.0)
 """N: a fingertip presses with up to 20."""
@@ -227,7 +227,7 @@ def _open(
     """
     from fingerlab.acquisition.bench.steering import LoopSettings
     from fingerlab.acquisition.check_rig.walk import bench_key, checks_folder, last_check
-    from fingerlab.acquisition.control.units import BenchUnits
+    from fingerlab.acquisition.control.position import BenchUnits
     from fingerlab.acquisition.record.recording import rescue_folder
     from fingerlab.calibration.store import default_folder, rig_and_attributes
     from fingerlab.devices.protocol import SelfDescribing

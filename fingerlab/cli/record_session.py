@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from fingerlab.acquisition.protocols.steps import Step
     from fingerlab.models.file import Model
     from fingerlab.models.live import LiveModel
-    from fingerlab.rig.constants import Rig
+    from fingerlab.rig.file import Rig
 
 READINGS_S = 1.0
 """Readings are told once in so much of the bench's time."""

@@ -27,10 +27,9 @@ from fingerlab.cli.common import (
 from fingerlab.core.errors import UserError
 from fingerlab.core.files import refuse_taken
 from fingerlab.core.plain_data import read_object
-from fingerlab.rig.constants import Finger, Motor, Rig
-from fingerlab.rig.file import CONSTANT_UNITS, default_rig, load_rig, sources_of
+from fingerlab.rig.file import CONSTANT_UNITS, Finger, Motor, Rig, default_rig, load_rig, sources_of
 from fingerlab.sessions import CheckReport, Session, check_session, open_session
-from fingerlab.sessions.format import CABLES, PHASES
+from fingerlab.sessions.model import CABLES, PHASES
 from fingerlab.sessions.recording_files import CLEAN
 from fingerlab.sessions.trajectory import run_told
 

@@ -14,7 +14,13 @@ from fingerlab.core.errors import UserError
 from fingerlab.core.files import read_text, refuse_taken
 from fingerlab.core.plain_data import read_object
 from fingerlab.core.progress import Watch
-from fingerlab.report.replicate import ComparedQuantity, cells, lines_json, outcome_sentences, replicated
+from fingerlab.report.comparison_words import (
+    ComparedQuantity,
+    cells,
+    lines_json,
+    outcome_sentences,
+    replicated,
+)
 
 if TYPE_CHECKING:
     from fingerlab.twin.protocols import RunPlan

@@ -30,9 +30,8 @@ from fingerlab.core.trust import (
 )
 from fingerlab.devices.faults import Faults
 from fingerlab.devices.protocol import Clock, Device, DeviceFault, DeviceLost, FoundDevice, RealClock
-from fingerlab.rig.constants import Rig
 from fingerlab.rig.daq import plain_section
-from fingerlab.rig.file import default_rig
+from fingerlab.rig.file import Rig, default_rig
 
 if TYPE_CHECKING:
     from fingerlab.devices.simulated import Simulation
@@ -287,7 +286,7 @@ class DeviceChoice:
 
             return NiCard(self.rig or default_rig(), clock)
         if self.kind == REPLAY:
-            from fingerlab.devices.replay import Replay
+            from fingerlab.devices.protocol import Replay
 
             if self.session is None:
                 raise UserError("A replay needs a session file; give replay:FILE or replay:FILE#RUN.")

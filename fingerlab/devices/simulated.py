@@ -25,9 +25,8 @@ from fingerlab.devices.protocol import (
     Sample,
     VirtualClock,
 )
-from fingerlab.rig.constants import INTERVENTION, Rig, intervention_of
 from fingerlab.rig.daq import AnalogInput, Daq, SafetyLines
-from fingerlab.rig.file import default_rig
+from fingerlab.rig.file import INTERVENTION, Rig, default_rig, intervention_of
 from fingerlab.twin.effects import check_effects
 from fingerlab.twin.plant import CONTACT, ON_AIR, OUTPUTS
 from fingerlab.twin.protocols import PRACTICE, RATE_HZ, Preset, RunPlan, load_preset, setup_of

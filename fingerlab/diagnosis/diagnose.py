@@ -14,7 +14,6 @@ from threadpoolctl import threadpool_limits
 
 from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress
-from fingerlab.diagnosis.answer.bench import bench_findings, residual_offsets
 from fingerlab.diagnosis.answer.errors import equation_errors, held_out_runs, left_aside, score_parts
 from fingerlab.diagnosis.answer.results import (
     Candidate,
@@ -25,7 +24,13 @@ from fingerlab.diagnosis.answer.results import (
     PairedDifference,
     PathStep,
 )
-from fingerlab.diagnosis.answer.wording import every_parameter, explanation, parameters
+from fingerlab.diagnosis.answer.wording import (
+    bench_findings,
+    every_parameter,
+    explanation,
+    parameters,
+    residual_offsets,
+)
 from fingerlab.diagnosis.equations.model import Choice, build
 from fingerlab.diagnosis.fit.run_spreads import find_constants
 from fingerlab.diagnosis.fit.weights import Weights
@@ -190,11 +195,20 @@ def searched_again(question: Question, scorer: Scorer, found: Found) -> Found:
     if reduction.constants is None:
         reduction.constants = before
         return found
+    if found.many and not _take_up_most(of.with_constants(reduction.constants), last):
+        reduction.constants = before
+        return found
     other = search_effects(question, scorer.with_constants(reduction.constants))
     if other.path[-1].misfit < STILL_LEFT * last.misfit:
         return other
     reduction.constants = before
     return found
+
+
+def _take_up_most(scorer: Scorer, fitted: FittedModel) -> bool:
+    """Whether the constants of the runs explain most of what a model misses that was found without them."""
+    beside = scorer.fit_reweighted(fitted.choices, fitted)
+    return scorer.score_held_out(beside).misfit < STILL_LEFT * fitted.misfit
 
 
 def _answer(question: Question, found: Found, display: Display | None, started: float) -> Diagnosis:

@@ -408,9 +408,8 @@ STEP_GAIN = 0.25
 FAR = 8.0
 """Squared score above one from which on many effects are looked for together: no usual path ends there but
 for something outside of the catalogue."""
-MOST_EFFECTS = 10
-"""With so many, those of ``EVERYDAY`` among them, no further effect is looked for on a bench that is far from
-its model; assumed."""
+MOST_BEYOND = 2
+"""Effects that are looked for beside those of ``EVERYDAY`` on a bench that is far from its model; assumed."""
 EVERYDAY = (
     "motor_inertia",
     "routing_change",
@@ -435,6 +434,8 @@ NEARLY_AS_GOOD = 0.75
 NEEDLESS_SHARE = 0.15
 """An effect without which the misfit, or the squared score, rises by no larger share is needless beside the
 others; assumed: what many laws that are nearly right leave moves by as much."""
+USUAL_SHARE = 0.03
+"""The same of what every bench has; assumed: it is there in any case, and stays while it is seen at all."""
 TOO_CLOSE = 0.9
 """... and from which on laws that are not alike cannot be told apart, so that none is added; assumed."""
 FAR_SHARE = 0.15
@@ -447,6 +448,9 @@ LOOKING_ITERATIONS = 3
 ROUNDS = 2
 """Times that the shapes of several effects are gone through, each given the others', and times that all are
 refined where one takes a number from what is fitted."""
+FOLLOWING_ROUNDS = 8
+"""Times that a model is fitted again, at most, whose shapes take numbers from what is fitted: a delay beside
+friction of the motor comes half as close each time."""
 SAME_SHAPE = 0.02
 """A number of a shape that follows what is fitted has moved if it did by more than this share; assumed: the
 errors of the law go with its square."""

@@ -27,7 +27,7 @@ import numpy as np
 from fingerlab.physics.motion import Motion
 from fingerlab.physics.nominal import JointMotion
 from fingerlab.physics.parameter import Parameter, Role
-from fingerlab.rig.constants import Finger, Motor
+from fingerlab.rig.file import Finger, Motor
 from fingerlab.sessions.model import Array
 
 FINGER = Finger(0.01, 0.01, 0.02, 0.02, 1e-6, 2e-6, 0.1, 0.05, wrist_angle=0.0, gravity=10.0)

@@ -1,7 +1,10 @@
-"""The cable hangs loose: the fit counts the cable equation one-sidedly; there is no column."""
+"""The cable hangs loose: the fit counts the cable equation one-sidedly; there is no column.
+
+When it does is told by the tension, less what motor and gearbox were found to keep for themselves.
+"""
 
 from fingerlab.effects.base import Effect, Example, Formula, Row
-from fingerlab.effects.joints import no_columns
+from fingerlab.effects.joints import DRIVE, no_columns
 
 EFFECT = Effect(
     id="cable_slack",
@@ -15,6 +18,7 @@ EFFECT = Effect(
     explanation="At about zero tension the motor pays out cable that the joints do not take up.",
     reveal="a sine whose offset is so low that the cable is let out entirely",
     special="slack",
+    follows=DRIVE,
     formula=Formula(
         equation=r"x_m - x_0 \leq s(a\theta_1 + b\theta_2)\quad\text{where } T \approx 0",
         symbols=(

@@ -17,7 +17,14 @@ from fingerlab.effects.base import (
     every,
     times,
 )
-from fingerlab.effects.joints import USUAL_STICKING_DEG, WINDING_TRAVELS_DEG, pull_terms, winding_state
+from fingerlab.effects.joints import (
+    DRIVE,
+    USUAL_STICKING_DEG,
+    WINDING_TRAVELS_DEG,
+    driven_tension,
+    pull_terms,
+    winding_state,
+)
 from fingerlab.physics.friction_states import friction_state, rubbing_forces
 from fingerlab.physics.motion import Motion, nothing
 from fingerlab.physics.parameter import Parameter
@@ -33,9 +40,6 @@ gearbox, whose friction also grows with the load, winds up by more, and so does 
 OTHER_HELD_TRAVELS_DEG = tuple(0.1 * 2.0 ** (k / 2) for k in range(-1, 8))
 """Where they are looked for when a cable that follows the tension was found: from the stiff cable's to eight
 times as far, for a sheath of textile on a soft glove."""
-BEYOND = "rotor_inertia"
-"""Inertia of the motor beyond the rig file's, kg m^2: what it takes never reaches the sheath."""
-
 SHARE = "share_"
 """Before a cable's name: the share that its sheath was found to take."""
 MOST_SHARE = 0.7
@@ -52,7 +56,8 @@ def columns(motion: Motion, shape: Shape) -> list[Term]:
     """The sheath takes its share of the tension in the cable, before or behind what stretches.
 
     The share follows the tension of the moment or, where ``held``, only as far as what sticks is let go: a
-    cable that sticks in its sheath keeps its friction while the tension rises on both ends of it.
+    cable that sticks in its sheath keeps its friction while the tension rises on both ends of it. What motor
+    and gearbox keep for themselves never reaches the sheath.
 
     What takes the share s of the motor's tension winding in, 1 - exp(-mu phi), gives exp(mu phi) - 1, which
     is s / (1 - s), of it paying out. What sticks is equally stiff in either sheath, so that it slides over a
@@ -64,10 +69,10 @@ def columns(motion: Motion, shape: Shape) -> list[Term]:
     paying_out = 1.0 / (1.0 - min(share, MOST_SHARE))
     travel = shape["travel_deg"] * (max(share / most, LEAST_TRAVEL) if most else 1.0)
     sharpness, held = shape.get("sharpness", 0.0), bool(shape.get("held", 0.0))
-    inertia = (motion.motor.inertia or 0.0) + shape.get(BEYOND, 0.0)
+    drive = {name: shape.get(name, 0.0) for name in DRIVE}
 
     def lost() -> Array:
-        cable = motion.tension - inertia * motion.inertial_pull
+        cable = driven_tension(motion, drive)
         if not held:
             state = winding_state(motion, travel, sharpness)
             return cable * np.where(state < 0.0, paying_out, 1.0) * state
@@ -78,7 +83,7 @@ def columns(motion: Motion, shape: Shape) -> list[Term]:
 
         return friction_state(motion.position, float(np.radians(travel)), sharpness, stops)
 
-    law = travel, sharpness, held, inertia, paying_out
+    law = travel, sharpness, held, *drive.values(), paying_out
     mine = motion.remember(("sheath", *law), lost)
     others = motion.remember(("another sheath", *law), lambda: nothing(len(mine)))
     terms = [
@@ -117,7 +122,7 @@ def _sheath_closer(shape: Shape) -> Sequence[Shape]:
 
 
 FOLLOWING = {
-    BEYOND: (BEYOND, "motor_inertia.inertia"),
+    **DRIVE,
     **{SHARE + cable: (f"capstan_friction.{cable}",) for cable in CABLES},
 }
 """What a shape takes from the unknowns of its model."""

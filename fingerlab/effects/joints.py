@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from fingerlab.effects.base import Row, Shape, Term
+from fingerlab.effects.base import Effect, Row, Shape, Term
 from fingerlab.physics import nominal
 from fingerlab.physics.friction_states import friction_state, slip_states, with_grid
 from fingerlab.physics.motion import Motion, tip_reach, while_pressed
@@ -140,6 +140,40 @@ FRICTION = Parameter(
     "N m", 0.0, 0.1, 0.005, title="friction torque at the gearbox output",
     varies_between_runs=True, holds_at_rest=True,
 )  # fmt: skip
+
+
+DRIVE = {
+    "drive_inertia": ("rotor_inertia", "motor_inertia.inertia"),
+    "drive_coulomb": ("motor_coulomb_friction.coulomb",),
+    "drive_viscous": ("motor_viscous_friction.viscous",),
+}
+"""Numbers of a shape that tell what motor and gearbox keep for themselves, and the unknowns that they are:
+inertia beyond the rig file's (kg m^2), friction (N m), and viscous friction (N m s/rad)."""
+
+
+def driven_tension(motion: Motion, shape: Shape) -> Array:
+    """Tension that motor and gearbox leave the cable, N, (n,), as far as the shape tells what they keep.
+
+    Friction is taken with the usual travel: where the motor turns round, the tension is known to that alone.
+    """
+    inertia = (motion.motor.inertia or 0.0) + shape.get("drive_inertia", 0.0)
+    found = motion.tension - inertia * motion.inertial_pull
+    if viscous := shape.get("drive_viscous", 0.0):
+        found = found - (viscous / motion.radius) * motion.velocity
+    if coulomb := shape.get("drive_coulomb", 0.0):
+        found = found - (coulomb / motion.radius) * winding_state(motion)
+    return np.asarray(found)
+
+
+LATE = "late"
+"""Number of a delay's shape that tells by how much the motor's channels are to be late for what effects make
+of them, s; the equations' own channels are shifted by the fit."""
+
+
+def as_effects_see_it(motion: Motion, effects: Iterable[Effect]) -> Motion:
+    """The motion with the motor's channels as late as a delay among the effects was found to be."""
+    late = sum(e.shapes[0].get(LATE, 0.0) for e in effects if e.special == "delay" and len(e.shapes))
+    return motion.with_motor_late(late) if late else motion
 
 
 def no_columns(motion: Motion, shape: Shape) -> list[Term]:

@@ -31,8 +31,7 @@ from fingerlab.physics.motion import Motion
 from fingerlab.physics.nominal import JointMotion
 from fingerlab.physics.parameter import LOSS, Parameter, Role
 from fingerlab.rig.file import default_rig
-from fingerlab.sessions.format import PHASES
-from fingerlab.sessions.model import Array
+from fingerlab.sessions.model import PHASES, Array
 
 SCALES = ("joint", "direct", "arm_mcp", "arm_pip", "compliance")
 MOST_SHAPES = 50

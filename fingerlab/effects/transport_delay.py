@@ -1,7 +1,10 @@
-"""Angles and force are recorded late: the fit shifts the motor's channels; there is no column."""
+"""Angles and force are recorded late: the fit shifts the motor's channels; there is no column.
+
+What other effects make of the motor's channels is as late as was found before (``joints.LATE``).
+"""
 
 from fingerlab.effects.base import Effect, Example, Formula, Row
-from fingerlab.effects.joints import no_columns
+from fingerlab.effects.joints import LATE, no_columns
 from fingerlab.physics.parameter import Parameter
 
 EFFECT = Effect(
@@ -16,6 +19,7 @@ EFFECT = Effect(
     explanation="Angles and force follow the motor's own channels after a constant time.",
     reveal="a chirp, in which a delay grows with frequency",
     special="delay",
+    follows={LATE: ("delay",)},
     formula=Formula(
         equation=r"\theta_j^{\text{rec}}(t) = \theta_j(t-d),\qquad F^{\text{rec}}(t) = F(t-d)",
         symbols="d: delay of angles and force behind the motor's own channels.",

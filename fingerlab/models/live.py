@@ -16,7 +16,7 @@ import numpy as np
 from fingerlab.core.errors import UserError
 from fingerlab.models.file import Model
 from fingerlab.physics.nominal import JointMotion, contact_lever_pip, pip_torque, tension
-from fingerlab.rig.constants import Rig
+from fingerlab.rig.file import Rig
 from fingerlab.sessions.model import Array
 
 HALF_WINDOW_S = 0.04

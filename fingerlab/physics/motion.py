@@ -15,7 +15,7 @@ import numpy as np
 
 from fingerlab.physics import nominal
 from fingerlab.physics.friction_states import rubbing_forces, with_grid
-from fingerlab.rig.constants import Finger, Intervention, Motor
+from fingerlab.rig.file import Finger, Intervention, Motor
 from fingerlab.sessions.model import Array
 
 GLIMPSE_SAMPLES = 300
@@ -182,6 +182,15 @@ class Motion:
             key: v for key, v in rubbing._memory.items() if isinstance(key, tuple) and key[0] == "slipping"
         }
         return replace(self, phase="contact", force=force, _memory=kept)
+
+    def with_motor_late(self, delay: float) -> Motion:
+        """The same with the motor's channels later by ``delay`` (s); at the start they stand still."""
+        then = self.time - delay
+        late = {
+            name: np.interp(then, self.time, getattr(self, name))
+            for name in ("position", "velocity", "acceleration", "torque")
+        }
+        return replace(self, **late, _memory={})
 
     @property
     def finger_and_joints(self) -> tuple[Finger, nominal.JointMotion]:

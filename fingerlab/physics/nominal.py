@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fingerlab.core.errors import UserError
-from fingerlab.rig.constants import Finger, Motor
+from fingerlab.rig.file import Finger, Motor
 from fingerlab.sessions.model import Array
 
 

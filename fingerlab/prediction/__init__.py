@@ -1,8 +1,7 @@
 """Endpoint force of contact runs from a model that a diagnosis fitted, with an interval that holds."""
 
 from fingerlab.prediction.extended import EQUATIONS, ExtendedModel, Variant, extended_model, model_of_extended
-from fingerlab.prediction.fit import fit_extended, fit_steps
-from fingerlab.prediction.predict import ExtendedPrediction, predict_extended
+from fingerlab.prediction.predict import ExtendedPrediction, fit_extended, fit_steps, predict_extended
 
 __all__ = [
     "EQUATIONS",

@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fingerlab.core.errors import UserError
-from fingerlab.diagnosis.equations.coefficients import (
+from fingerlab.diagnosis.equations.columns import (
     CABLE_NAMES,
     DELAY,
     Coefficients,
@@ -35,12 +35,13 @@ from fingerlab.diagnosis.equations.features import (
     shifted_columns,
     turned_columns,
 )
-from fingerlab.diagnosis.gram.decimation import counted
+from fingerlab.diagnosis.gram.runs import counted
 from fingerlab.diagnosis.settings import SLIP_STIFFNESSES
 from fingerlab.diagnosis.signals.filters import decimate
 from fingerlab.diagnosis.signals.scales import SI, Scales, reduced_rig, reduced_run
 from fingerlab.diagnosis.signals.segments import segments_of
 from fingerlab.effects.base import Effect, Row
+from fingerlab.effects.joints import as_effects_see_it
 from fingerlab.physics.motion import TOUCHING_FORCE_N, Motion
 from fingerlab.sessions.model import Array, Run, Session
 from fingerlab.sessions.trajectory import named_frequency
@@ -72,13 +73,6 @@ class Stretch:
     motion: Motion
     frequency_hz: float
     scales: Scales = SI
-
-
-def contact_runs(session: Session) -> tuple[Run, ...]:
-    """Runs in contact with a cable, in the order taken; may be empty."""
-    return tuple(
-        run for run in session.runs if run.phase == "contact" and run.cable_sign != 0 and not run.changed
-    )
 
 
 def contact_stretches(session: Session, run: Run, scales: Scales = SI) -> Iterator[Stretch]:
@@ -209,6 +203,7 @@ def _columns(
     for feature, column in shifted_columns(motion):
         late = [weights[k] * _late(column, int(k), motion.sample_rate_hz) for k in np.flatnonzero(weights)]
         yield feature, sum(late[1:], late[0])
+    motion = as_effects_see_it(motion, effects)
     for one in effects:
         others = {name for name, gain in one.gains.items() if gain.cable not in ("", cable)}
         for term in one.columns(motion, one.shapes[0]):

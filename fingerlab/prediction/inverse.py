@@ -21,12 +21,11 @@ from fingerlab.diagnosis.signals.scales import reduced_motion
 from fingerlab.models.file import DIAGNOSIS_METHOD, Model
 from fingerlab.physics import nominal
 from fingerlab.physics.motion import Motion
-from fingerlab.prediction.extended import Variant, extended_model
+from fingerlab.prediction.extended import MOST_STRETCH, Band, Variant, extended_model, force_rate
 from fingerlab.prediction.force import forces_of_motion
-from fingerlab.prediction.judging import MOST_STRETCH, Band, force_rate
 from fingerlab.prediction.target import ContactPose, WantedForce, words_of
-from fingerlab.rig.constants import Rig
 from fingerlab.rig.daq import Limits
+from fingerlab.rig.file import Rig
 from fingerlab.sessions.model import Array
 from fingerlab.signals.periods import REGION_TITLES
 from fingerlab.thesis.contact import parameter_sets

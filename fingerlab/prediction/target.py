@@ -36,7 +36,7 @@ from fingerlab.diagnosis.settings import SETTLING_S, WIDE_RATE_HZ
 from fingerlab.diagnosis.signals.scales import SI, Scales
 from fingerlab.physics.motion import TOUCHING_FORCE_N, Motion
 from fingerlab.physics.nominal import JointMotion
-from fingerlab.rig.constants import Rig
+from fingerlab.rig.file import Rig
 from fingerlab.sessions.model import Array, Run
 
 KINDS = ("sine", "ramp_hold", "steps", "file")

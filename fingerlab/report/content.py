@@ -18,17 +18,15 @@ from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.models.file import ParameterEstimate
 from fingerlab.prediction import fit_extended, predict_extended
 from fingerlab.prediction.extended import EQUATION_WORDS, EQUATIONS, Equation, ExtendedModel
-from fingerlab.prediction.force import contact_runs
 from fingerlab.prediction.predict import RunPrediction, interval_over, spread_over
 from fingerlab.report import diagnosis_words as words
 from fingerlab.report.equation import FinalEquation, final_equation
 from fingerlab.report.figure_style import LABEL_SIZE
-from fingerlab.report.force_figures import force_figure
-from fingerlab.report.thesis_figures import FIGURES
+from fingerlab.report.force_figures import FIGURES, force_figure
 from fingerlab.sessions.model import Session
 from fingerlab.signals.periods import REGION_TITLES
 from fingerlab.thesis.analysis import PublishedQuantity, ThesisAnalysis, thesis_analysis
-from fingerlab.thesis.motor_bench import MotorBenchFit, fit_motor_bench, motor_bench_runs
+from fingerlab.thesis.fitting import MotorBenchFit, fit_motor_bench, motor_bench_runs
 from fingerlab.thesis.traces import FOUR_REGIONS, JOINT_TITLES
 
 CAPTIONS: Mapping[str, str] = {
@@ -218,7 +216,7 @@ def fitted_model(
 def predict_force(sessions: Sequence[Session], model: ExtendedModel | None) -> Prediction | None:
     """The force of the first session's contact runs; None where there is no contact run anywhere."""
     for session in sessions:
-        if not contact_runs(session):
+        if not session.contact_runs():
             continue
         name = session.path.name
         if model is None:

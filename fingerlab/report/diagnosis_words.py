@@ -12,7 +12,7 @@ from fingerlab.diagnosis.answer.results import Candidate, Diagnosis, Failure, Ot
 from fingerlab.diagnosis.answer.where import JOINTS, Profile
 from fingerlab.effects import find_effect
 from fingerlab.report.parameter_words import held_words
-from fingerlab.rig.constants import read_intervention
+from fingerlab.rig.file import read_intervention
 from fingerlab.sessions.trajectory import trajectory_words
 
 FAMILY_TITLES = {

@@ -15,7 +15,7 @@ from fingerlab.models.file import ParameterEstimate
 from fingerlab.prediction.extended import ChosenEffect, ExtendedModel
 from fingerlab.report.diagnosis_words import in_sentence
 from fingerlab.report.parameter_words import parameter_titles
-from fingerlab.rig.constants import Finger, Motor, Rig
+from fingerlab.rig.file import Finger, Motor, Rig
 
 SIGNS = {"extension": -1, "flexion": +1}
 ADDED_UP = "What the effects below give for one symbol is added up."

@@ -40,11 +40,17 @@ from fingerlab.report.equation_text import (
     html_words,
     to_latex,
 )
+from fingerlab.report.figure_style import NamedFigure, Pictures, save_figures
 from fingerlab.report.page_tables import calibration_rows, calibration_sentence, rig_hash, versions
 from fingerlab.report.pdf import pdf_of_page
-from fingerlab.report.pictures import NamedFigure, Pictures, save_figures
-from fingerlab.report.score_words import aside_sentence, score_table
-from fingerlab.report.story import diagnose_each, error_rows_of_story, story, story_sentence
+from fingerlab.report.score_words import (
+    aside_sentence,
+    diagnose_each,
+    error_rows_of_story,
+    score_table,
+    story,
+    story_sentence,
+)
 from fingerlab.sessions.model import Session
 
 FEWEST_CANDIDATES = 2

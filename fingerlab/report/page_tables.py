@@ -37,8 +37,7 @@ from fingerlab.report.diagnosis_words import (
     shown_best_first,
 )
 from fingerlab.report.parameter_words import parameter_title, parameter_titles
-from fingerlab.rig.constants import Finger, Motor, changed_words
-from fingerlab.rig.file import CONSTANT_UNITS, sources_of
+from fingerlab.rig.file import CONSTANT_UNITS, Finger, Motor, changed_words, sources_of
 from fingerlab.sessions import content_hash
 from fingerlab.sessions.model import Run, Session
 from fingerlab.sessions.trajectory import run_told
@@ -97,7 +96,6 @@ class RankedOutcome:
     in_set: bool
     detectable: bool
     explanation: str
-    is_effect: bool
 
 
 def all_effects(diagnosis: Diagnosis) -> list[RankedOutcome]:
@@ -115,7 +113,7 @@ def short_ranking(diagnosis: Diagnosis) -> list[RankedOutcome]:
         (nothing, diagnosis.probability_nothing),
         (UNKNOWN_WORDS, diagnosis.probability_unknown),
     ):
-        chosen.append(RankedOutcome(title, "", share, percent(share), "", False, True, "", False))
+        chosen.append(RankedOutcome(title, "", share, percent(share), "", False, True, ""))
     return sorted(chosen, key=lambda row: -row.share)
 
 
@@ -129,7 +127,6 @@ def outcome_of(candidate: Candidate) -> RankedOutcome:
         candidate.in_set,
         candidate.detectable,
         printed(candidate.explanation),
-        True,
     )
 
 

@@ -20,7 +20,7 @@ from fingerlab.diagnosis.settings import MOST_CHANGES
 from fingerlab.effects import find_effect
 
 if TYPE_CHECKING:
-    from fingerlab.diagnosis.answer.at_hand import FittedParameter
+    from fingerlab.diagnosis.answer.errors import FittedParameter
 
 TITLES = {
     "arm_mcp": ("Moment arm at the MCP", "m"),

@@ -15,8 +15,8 @@ from xml.etree import ElementTree
 from matplotlib.figure import Figure
 from pypdf import PdfReader, PdfWriter, Transformation
 
+from fingerlab.report.figure_style import NamedFigure
 from fingerlab.report.pdf_paper import FigurePlace, Paper, PlacedFigure, read_table, set_table
-from fingerlab.report.pictures import NamedFigure
 
 XHTML = "{http://www.w3.org/1999/xhtml}"
 SVG = "{http://www.w3.org/2000/svg}svg"

@@ -7,10 +7,16 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from fingerlab.sessions.check import CheckReport, Finding, check_session
-    from fingerlab.sessions.copying import copy_session
+    from fingerlab.sessions.exporting import copy_session
     from fingerlab.sessions.model import Run, Session
-    from fingerlab.sessions.reading import content_hash, file_hash, open_session
+    from fingerlab.sessions.reading import (
+        CheckReport,
+        Finding,
+        check_session,
+        content_hash,
+        file_hash,
+        open_session,
+    )
     from fingerlab.sessions.writing import SessionWriter
 
 __all__ = [
@@ -27,14 +33,14 @@ __all__ = [
 ]
 
 _HOMES = {
-    "CheckReport": "check",
-    "Finding": "check",
+    "CheckReport": "reading",
+    "Finding": "reading",
     "Run": "model",
     "Session": "model",
     "SessionWriter": "writing",
-    "check_session": "check",
+    "check_session": "reading",
     "content_hash": "reading",
-    "copy_session": "copying",
+    "copy_session": "exporting",
     "file_hash": "reading",
     "open_session": "reading",
 }

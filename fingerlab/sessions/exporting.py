@@ -1,4 +1,4 @@
-"""A session to other tools: CSV, text, Parquet (one file a run) or MATLAB (one file a session).
+"""A session copied whole, or given to other tools: CSV, text, Parquet or MATLAB.
 
 Beside them stand ``NAME.json`` with everything that is not a sample, and, where the session holds groups
 or datasets that the format does not know, ``NAME-extra.h5`` with those as they were.
@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -19,13 +21,58 @@ import pyarrow.csv
 import pyarrow.parquet
 
 from fingerlab.core.errors import UserError
-from fingerlab.core.files import OutputSet
+from fingerlab.core.files import OutputSet, new_file
 from fingerlab.core.plain_data import json_ready
 from fingerlab.core.progress import Progress
 from fingerlab.sessions.disk_files import TargetFile
-from fingerlab.sessions.hdf5 import open_hdf5, writing_to
+from fingerlab.sessions.hdf5 import open_hdf5, write_attributes, writing_to
 from fingerlab.sessions.model import Array, Run, Session
-from fingerlab.sessions.reading import content_hash
+from fingerlab.sessions.reading import content_hash, open_session
+
+
+def copy_session(source: str | Path, target: str | Path, attributes: Mapping[str, Any] | None = None) -> Path:
+    """Copy a session file as it is, after checking its structure.
+
+    Args:
+        attributes: root attributes to set in the copy, such as ``title`` and ``tags``; the rest stays.
+
+    Returns:
+        The path of the copy.
+
+    Raises:
+        UserError: the source is no session, or the target exists, cannot be written to or is full.
+    """
+    source, target = Path(source), Path(target)
+    open_session(source)
+    if attributes:
+        with edited_copy(source, target) as copy:
+            write_attributes(copy, attributes)
+    else:
+        with new_file(target) as part, writing_to(target):
+            shutil.copyfile(source, part)
+    return target
+
+
+@contextmanager
+def edited_copy(source: Path, target: Path) -> Iterator[h5py.File]:
+    """A copy of a session, open to be changed; it gets its name once it has been and is still a session.
+
+    Raises:
+        UserError: the target exists, cannot be written to or is full, or what was changed broke the session.
+    """
+    with new_file(target) as part:
+        with writing_to(target):
+            shutil.copyfile(source, part)
+            file = TargetFile(part)
+        with writing_to(target, file):
+            try:
+                with h5py.File(file, "r+") as session:
+                    yield session
+            finally:
+                file.close()
+        # An attribute such as a broken rig text must not turn a good session into a bad one.
+        open_session(part)
+
 
 _NO_FILE_NAME = re.compile(r'[<>:"/\\|?*]')
 FORMATS = ("csv", "mat", "parquet", "txt")

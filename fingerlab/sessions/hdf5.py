@@ -22,8 +22,7 @@ from h5py import h5a, h5d, h5l, h5o, h5t
 from fingerlab.core.errors import UserError
 from fingerlab.core.text import shown
 from fingerlab.sessions.disk_files import ReadFile, TargetFile
-from fingerlab.sessions.format import CHANNEL_UNITS, MAY_BE_NAN, plain
-from fingerlab.sessions.model import Array
+from fingerlab.sessions.model import CHANNEL_UNITS, MAY_BE_NAN, Array, plain
 
 MOST_LINKS = 100_000
 """Of a file: a session of a thousand runs has some ten thousand."""

@@ -16,13 +16,19 @@ import numpy as np
 from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress
 from fingerlab.core.text import factor
-from fingerlab.rig.constants import Motor, Rig
-from fingerlab.sessions.format import LEAST_RATE, MOST_RATE, RATE_TOLERANCE, REQUIRED_CHANNELS
+from fingerlab.rig.file import Motor, Rig
 from fingerlab.sessions.hdf5 import sample_fault
 from fingerlab.sessions.mapping import AXIS_RADIUS_M, Axis, Column, Table, map_columns, short_name
-from fingerlab.sessions.mat_table import MatTable, is_mat, mat_tables
-from fingerlab.sessions.model import Array
-from fingerlab.sessions.text_table import BLOCK_LINES, SEPARATOR_WORDS, inspect_table, read_blocks
+from fingerlab.sessions.model import LEAST_RATE, MOST_RATE, RATE_TOLERANCE, REQUIRED_CHANNELS, Array
+from fingerlab.sessions.text_table import (
+    BLOCK_LINES,
+    SEPARATOR_WORDS,
+    MatTable,
+    inspect_table,
+    is_mat,
+    mat_tables,
+    read_blocks,
+)
 from fingerlab.sessions.trajectory import recognised, trajectory_words
 from fingerlab.sessions.writing import SessionWriter
 

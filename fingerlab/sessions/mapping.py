@@ -19,9 +19,8 @@ from fingerlab.core.errors import UserError
 from fingerlab.core.files import read_text
 from fingerlab.core.plain_data import read_object
 from fingerlab.core.text import FACTORS, factor
-from fingerlab.sessions.format import CHANNEL_UNITS
-from fingerlab.sessions.mat_table import MatTable
-from fingerlab.sessions.text_table import TextTable
+from fingerlab.sessions.model import CHANNEL_UNITS
+from fingerlab.sessions.text_table import MatTable, TextTable
 
 Table = TextTable | MatTable
 

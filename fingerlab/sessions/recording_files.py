@@ -27,8 +27,8 @@ from h5py import h5s
 
 from fingerlab.core.errors import UserError
 from fingerlab.core.files import refuse_taken, seen_as
-from fingerlab.sessions.format import CHANNEL_UNITS, FORMAT_NAME, FORMAT_VERSION
 from fingerlab.sessions.hdf5 import write_attributes
+from fingerlab.sessions.model import CHANNEL_UNITS, FORMAT_NAME, FORMAT_VERSION
 
 SUFFIX = ".recording"
 PART_SUFFIX = ".h5part"

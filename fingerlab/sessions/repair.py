@@ -21,7 +21,8 @@ from fingerlab.core.plain_data import MOST_REASON, parsed
 from fingerlab.core.progress import Progress
 from fingerlab.core.text import shown
 from fingerlab.sessions.disk_files import was_cut
-from fingerlab.sessions.format import (
+from fingerlab.sessions.hdf5 import FILE_TROUBLE, attributes_of, opened_file
+from fingerlab.sessions.model import (
     FORMAT_NAME,
     MAY_BE_NAN,
     OWN_ROOT_ATTRIBUTES,
@@ -29,7 +30,6 @@ from fingerlab.sessions.format import (
     as_stored,
     plain,
 )
-from fingerlab.sessions.hdf5 import FILE_TROUBLE, attributes_of, opened_file
 from fingerlab.sessions.recording_files import (
     ASSEMBLING,
     CLEAN,

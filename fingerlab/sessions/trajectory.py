@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.polynomial.legendre import legvander
 
-from fingerlab.rig.constants import changed_words
+from fingerlab.rig.file import changed_words
 from fingerlab.sessions.model import Array, Run
 
 LOOK_RATE_HZ = 100.0

@@ -17,9 +17,10 @@ import numpy as np
 import fingerlab
 from fingerlab.core.errors import UserError
 from fingerlab.core.files import claim, move_into_place
-from fingerlab.rig.constants import Rig
+from fingerlab.rig.file import Rig
 from fingerlab.sessions.disk_files import TargetFile
-from fingerlab.sessions.format import (
+from fingerlab.sessions.hdf5 import sample_fault, write_attributes, writing_to
+from fingerlab.sessions.model import (
     CABLES,
     CHANNEL_UNITS,
     FORMAT_NAME,
@@ -27,7 +28,6 @@ from fingerlab.sessions.format import (
     PHASES,
     REQUIRED_CHANNELS,
 )
-from fingerlab.sessions.hdf5 import sample_fault, write_attributes, writing_to
 
 CHUNK_SAMPLES = 16384
 """Samples a chunk: 16 s at 1 kHz, so that a screenful reads little and a whole run reads fast."""

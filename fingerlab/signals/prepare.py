@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 
 from fingerlab.core.errors import UserError
-from fingerlab.rig.constants import Rig
+from fingerlab.rig.file import Rig
 from fingerlab.sessions.model import Array, Run, longest_piece
 
 BUTTERWORTH_ORDER = 4
@@ -203,7 +203,7 @@ def _low_passed(run: Run, channels: Mapping[str, Array], cutoff_hz: float) -> di
 
 SEGMENT_S = 10.0
 """Of a spectrum (Welch, "The use of fast Fourier transform", 1967): a tenth of a hertz is told apart."""
-LEAST_SAMPLES = 50
+LEAST_FOR_SPECTRUM = 50
 """Fewer tell no spectrum; assumed."""
 
 
@@ -223,10 +223,14 @@ def amplitude_density(
         return None
     parts = np.split(known, np.flatnonzero(np.diff(known) > 1) + 1)
     longest = values[max(parts, key=len)]
-    if len(longest) < LEAST_SAMPLES:
+    if len(longest) < LEAST_FOR_SPECTRUM:
         return None
-    from scipy.signal import welch
-
+    # As scipy.signal.welch, whose import alone would stop a window, and with it the motor, for a second.
     length = min(int(segment_s * rate_hz), len(longest))
-    frequency, density = welch(longest, rate_hz, nperseg=length)
-    return np.asarray(frequency[1:], dtype=float), np.sqrt(np.asarray(density[1:], dtype=float))
+    window = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(length) / length)
+    pieces = np.lib.stride_tricks.sliding_window_view(longest, length)[:: length - length // 2]
+    lines = np.fft.rfft(window * (pieces - pieces.mean(axis=1, keepdims=True)))
+    density = np.mean(np.abs(lines) ** 2, axis=0) * 2.0 / (rate_hz * np.sum(window**2))
+    if length % 2 == 0:
+        density[-1] *= 0.5  # half the rate has no second side
+    return np.asarray(np.fft.rfftfreq(length, 1.0 / rate_hz)[1:]), np.asarray(np.sqrt(density[1:]))

@@ -15,8 +15,7 @@ import numpy as np
 
 from fingerlab.core.errors import UserError
 from fingerlab.core.progress import SILENT, Watch
-from fingerlab.sessions.format import CHANNEL_UNITS
-from fingerlab.sessions.model import Array, Run, Session
+from fingerlab.sessions.model import CHANNEL_UNITS, Array, Run, Session
 from fingerlab.sessions.trajectory import told_frequency
 from fingerlab.signals.periods import period_grid, settles, usable
 

@@ -19,12 +19,11 @@ from fingerlab.thesis.contact import (
     FINAL,
     ContactRun,
     PredictionSpec,
-    contact_runs,
     prediction_specs,
     reduce_contact_run,
     sets_for,
 )
-from fingerlab.thesis.fitting import SessionFit, assemble, on_air_runs
+from fingerlab.thesis.fitting import SessionFit, assemble, in_pieces, on_air_runs
 from fingerlab.thesis.onair import OnAirRun, Spread, reduce_run
 from fingerlab.thesis.prediction import AngleStep, ParameterSet, angle_sweep
 from fingerlab.thesis.traces import (
@@ -220,7 +219,7 @@ def thesis_analysis(session: Session, progress: Progress | None = None) -> Thesi
     Raises:
         UserError: no on-air run repeats a trajectory, or a channel or constant is missing.
     """
-    air, contact = on_air_runs(session), contact_runs(session)
+    air, contact = on_air_runs(session), in_pieces(session.contact_runs())
 
     def step(number: int, run: Run) -> None:
         if progress is not None:

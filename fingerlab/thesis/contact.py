@@ -12,7 +12,7 @@ import numpy as np
 from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress
 from fingerlab.models.file import Model
-from fingerlab.sessions.model import Array, Run, Session
+from fingerlab.sessions.model import Array, Session
 from fingerlab.signals.periods import REGION_TITLES, usable
 from fingerlab.thesis.fitting import SessionFit, in_pieces
 from fingerlab.thesis.onair import AveragePeriod, Parameters, average_period
@@ -214,13 +214,6 @@ class SessionPrediction:
     example_forces: Mapping[str, Array]
 
 
-def contact_runs(session: Session) -> tuple[Run, ...]:
-    """Runs in contact with a cable, in the order taken, long ones in pieces; may be empty."""
-    return in_pieces(
-        run for run in session.runs if run.phase == "contact" and run.cable_sign != 0 and not run.changed
-    )
-
-
 def predict_session(
     session: Session, sets: Mapping[str, ParameterSet], progress: Progress | None = None
 ) -> SessionPrediction:
@@ -229,7 +222,7 @@ def predict_session(
     Raises:
         UserError: the session has no contact run.
     """
-    runs = contact_runs(session)
+    runs = in_pieces(session.contact_runs())
     if not runs:
         raise UserError(
             f"{session.path} has no contact run with a cable; the endpoint force is predicted for runs of "

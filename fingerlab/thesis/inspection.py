@@ -12,7 +12,7 @@ from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress
 from fingerlab.core.text import ParameterEstimate
 from fingerlab.physics.nominal import cable_wound
-from fingerlab.rig.constants import Rig
+from fingerlab.rig.file import Rig
 from fingerlab.sessions.model import Array, Session
 from fingerlab.signals.periods import (
     REGIONS,
@@ -25,8 +25,7 @@ from fingerlab.signals.periods import (
 from fingerlab.thesis.fitting import SessionFit, assemble, on_air_runs
 from fingerlab.thesis.onair import OnAirRun, RegionFit, reduce_run
 from fingerlab.thesis.prediction import delayed
-from fingerlab.thesis.regression import quantile
-from fingerlab.thesis.traces import CLOUD_POINTS, JOINTS, FitSpec, Joint, Traces, trace
+from fingerlab.thesis.traces import CLOUD_POINTS, JOINTS, FitSpec, Joint, Traces, quantile, trace
 
 LARGEST_CONDITION = 1e8
 """Of the normal equations: beyond it the angles move as one and only their sum is known (assumed)."""

@@ -22,8 +22,17 @@ from fingerlab.signals.periods import (
     usable,
 )
 from fingerlab.signals.prepare import thesis_cutoff_hz
-from fingerlab.thesis.regression import Misfit, RegressionLine, RegressionSums, fit_line, repeating_misfit
-from fingerlab.thesis.traces import JOINTS, FitSpec, Joint, Traces
+from fingerlab.thesis.traces import (
+    JOINTS,
+    FitSpec,
+    Joint,
+    Misfit,
+    RegressionLine,
+    RegressionSums,
+    Traces,
+    fit_line,
+    repeating_misfit,
+)
 
 LONGEST_DELAY_S = 0.5
 """Delays looked for in a run that does not repeat, s either way; half a period of the 1 Hz protocol."""

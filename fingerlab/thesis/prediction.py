@@ -16,8 +16,7 @@ from fingerlab.physics.nominal import endpoint_force
 from fingerlab.sessions.model import Array
 from fingerlab.signals.periods import REGIONS, PeriodGrid, normalise, recognise, speed_threshold, usable
 from fingerlab.thesis.onair import Parameters, thin
-from fingerlab.thesis.regression import coefficient_of_determination
-from fingerlab.thesis.traces import Joint, Traces
+from fingerlab.thesis.traces import Joint, Traces, coefficient_of_determination
 
 FORCE_PHASES = ("loading", "peak", "unloading", "rest")
 """Parts of the force cycle: the measured force rises, stays high, falls, stays low."""

@@ -31,8 +31,8 @@ from fingerlab.acquisition.control.trajectories import read_trajectory
 from fingerlab.core.errors import UserError
 from fingerlab.core.files import read_text
 from fingerlab.core.plain_data import read_object
-from fingerlab.rig.constants import Rig, read_intervention
-from fingerlab.sessions.format import CABLES
+from fingerlab.rig.file import Rig, read_intervention
+from fingerlab.sessions.model import CABLES
 from fingerlab.twin.effects import check_effects
 
 PRACTICE = "practice"

@@ -18,7 +18,7 @@ from fingerlab.acquisition.control.motion import braked
 from fingerlab.acquisition.control.position import Gains
 from fingerlab.acquisition.control.trajectories import read_trajectory
 from fingerlab.core.errors import UserError
-from fingerlab.rig.constants import Intervention, intervention_of
+from fingerlab.rig.file import Intervention, intervention_of
 from fingerlab.sessions.model import Array
 from fingerlab.twin.bench import build_bench, draw_truth, place_bench
 from fingerlab.twin.effects import Effects, apply_effects

@@ -21,8 +21,7 @@ import numpy as np
 from fingerlab.core.errors import UserError
 from fingerlab.core.plain_data import parsed, read_object
 from fingerlab.sessions import Run, Session, SessionWriter, open_session
-from fingerlab.sessions.format import CHANNEL_UNITS
-from fingerlab.sessions.model import ArrayReader
+from fingerlab.sessions.model import CHANNEL_UNITS, ArrayReader
 from fingerlab.twin.effects import EFFECTS, check_effects
 from fingerlab.twin.protocols import RATE_HZ, Preset, RunPlan
 from fingerlab.twin.recording import Recorded, simulate_session

@@ -11,7 +11,7 @@ import numpy as np
 from fingerlab.acquisition.bench.loop import ControlLoop
 from fingerlab.acquisition.bench.steering import LoopSettings
 from fingerlab.acquisition.control.machine import Command, Enable, Initialise, Start
-from fingerlab.acquisition.control.units import BenchUnits
+from fingerlab.acquisition.control.position import BenchUnits
 from fingerlab.acquisition.ring import COLUMN, COLUMNS, Ring
 from fingerlab.acquisition.status import SharedStatus, Slot, Text
 from fingerlab.rig.daq import Limits

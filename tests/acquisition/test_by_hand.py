@@ -10,7 +10,7 @@ import pytest
 from fingerlab.acquisition.bench.process_bench import InlineBench
 from fingerlab.acquisition.bench.steering import LoopSettings
 from fingerlab.acquisition.control.machine import Enable, Initialise, Jog, TakeUp
-from fingerlab.acquisition.control.units import BenchUnits
+from fingerlab.acquisition.control.position import BenchUnits
 from fingerlab.acquisition.protocols.driver import take_up_slack
 from fingerlab.acquisition.ring import COLUMN
 from fingerlab.acquisition.status import Slot

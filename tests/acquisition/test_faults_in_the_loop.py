@@ -25,7 +25,7 @@ from fingerlab.acquisition.control.machine import (
     Start,
     Tare,
 )
-from fingerlab.acquisition.control.units import BenchUnits
+from fingerlab.acquisition.control.position import BenchUnits
 from fingerlab.acquisition.status import Slot
 from fingerlab.devices.protocol import DeviceFault
 from fingerlab.rig.daq import Limits

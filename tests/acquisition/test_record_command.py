@@ -18,8 +18,8 @@ from click.testing import CliRunner
 from fingerlab.acquisition.bench.process_bench import InlineBench
 from fingerlab.acquisition.bench.steering import LoopSettings, ReadyStart, prepare
 from fingerlab.acquisition.control.machine import Start
+from fingerlab.acquisition.control.position import BenchUnits
 from fingerlab.acquisition.control.trajectories import read_trajectory
-from fingerlab.acquisition.control.units import BenchUnits
 from fingerlab.acquisition.protocols.steps import Record, plan_steps
 from fingerlab.cli.record import record
 from fingerlab.cli.simulate import single_plan

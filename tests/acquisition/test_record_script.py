@@ -18,8 +18,8 @@ from click.testing import CliRunner, Result
 from fingerlab.acquisition.bench.process_bench import InlineBench
 from fingerlab.acquisition.bench.steering import LoopSettings
 from fingerlab.acquisition.control.machine import Initialise
+from fingerlab.acquisition.control.position import BenchUnits
 from fingerlab.acquisition.control.trajectories import read_trajectory
-from fingerlab.acquisition.control.units import BenchUnits
 from fingerlab.acquisition.protocols.driver import Beginning
 from fingerlab.acquisition.protocols.script import Order, read_order
 from fingerlab.acquisition.protocols.steps import plan_steps

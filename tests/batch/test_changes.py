@@ -9,7 +9,7 @@ import pytest
 
 from fingerlab.batch.changes import changes, weigh, weigh_found
 from fingerlab.batch.table import Row
-from fingerlab.report.batch_words import change_sentence
+from fingerlab.report.comparison_words import change_sentence
 
 DAYS = np.arange(10.0)
 UNITS = {"alone.coulomb_friction.coulomb_pip": "N m", "param.arm_mcp@extension": "m"}

@@ -12,7 +12,7 @@ import pytest
 from click.testing import CliRunner
 
 from fingerlab.cli.simulate import replicate
-from fingerlab.report.replicate import TOLERANCES, compare
+from fingerlab.report.comparison_words import TOLERANCES, compare
 from fingerlab.thesis.analysis import PUBLISHED, PublishedQuantity
 
 

@@ -11,7 +11,7 @@ import pytest
 
 from fingerlab.core.errors import UserError
 from fingerlab.core.plain_data import Mismatch, structured
-from fingerlab.rig.constants import Rig
+from fingerlab.rig.file import Rig
 
 
 @dataclass(frozen=True)

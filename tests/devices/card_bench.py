@@ -6,8 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from fingerlab.devices.ni.card import NiCard
-from fingerlab.rig.constants import Rig
-from fingerlab.rig.file import parse_rig
+from fingerlab.rig.file import Rig, parse_rig
 
 from .virtual_card import Card, DaqFailure, InProcessChannel, Servicer, SimplePlant
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from fingerlab.rig.constants import Rig
 from fingerlab.rig.daq import plain_section
-from fingerlab.rig.file import parse_rig
+from fingerlab.rig.file import Rig, parse_rig
 
 DEAD_MAN, STOP, READY = "port0/line1", "port0/line2", "port0/line3"
 WIRED = f"""

@@ -19,8 +19,7 @@ from fingerlab.core.errors import UserError
 from fingerlab.devices.faults import ChargePump, Faults, SensorFault
 from fingerlab.devices.ni.card import NiCard
 from fingerlab.devices.simulated import SimulatedBench, SimulatedRig, Simulation
-from fingerlab.rig.constants import Rig
-from fingerlab.rig.file import default_rig, parse_rig
+from fingerlab.rig.file import Rig, default_rig, parse_rig
 
 from .card_bench import BUFFERED, SINGLE
 from .safety_wiring import DEAD_MAN, READY, STOP, WIRED, wired

@@ -14,11 +14,9 @@ from fingerlab.core.errors import UserError
 from fingerlab.devices.choosing import DeviceChoice, choose_device, detect, opening_sentence
 from fingerlab.devices.faults import Faults
 from fingerlab.devices.ni.card import NiCard
-from fingerlab.devices.protocol import VirtualClock
-from fingerlab.devices.replay import Replay
+from fingerlab.devices.protocol import Replay, VirtualClock
 from fingerlab.devices.simulated import SimulatedRig, Simulation
-from fingerlab.rig.constants import Rig
-from fingerlab.rig.file import parse_rig
+from fingerlab.rig.file import Rig, parse_rig
 
 from .virtual_card import Card, InProcessChannel, Servicer, SimplePlant, TcpServer
 
@@ -100,7 +98,7 @@ def test_detection_never_raises(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_nidaqmx_is_not_loaded_before_a_card_is_asked_for() -> None:
     code = (
         "import sys, fingerlab.devices, fingerlab.devices.choosing, fingerlab.devices.choosing, "
-        "fingerlab.devices.simulated, fingerlab.devices.replay, fingerlab.devices.ni.card\n"
+        "fingerlab.devices.simulated, fingerlab.devices.protocol, fingerlab.devices.ni.card\n"
         "assert not {'nidaqmx', 'grpc'} & set(sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code], check=True, timeout=120)

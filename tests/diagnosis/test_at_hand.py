@@ -7,13 +7,13 @@ import pytest
 
 from fingerlab.core.errors import UserError
 from fingerlab.diagnosis import diagnose
-from fingerlab.diagnosis.answer.at_hand import ParametersAtHand
+from fingerlab.diagnosis.answer.errors import ParametersAtHand
 from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.diagnosis.equations.parameters import nuisance_ranges
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.report import diagnosis_words as words
 from fingerlab.report import parameter_words
-from fingerlab.report.story import story
+from fingerlab.report.score_words import story
 from fingerlab.sessions import Session
 
 from . import closed_form as made

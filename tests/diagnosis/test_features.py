@@ -24,7 +24,7 @@ from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import Row
 from fingerlab.physics.motion import Motion, tip_reach
 from fingerlab.physics.nominal import JointMotion
-from fingerlab.rig.constants import Finger
+from fingerlab.rig.file import Finger
 from tests.effects.moving import FINGER, moving
 
 from . import closed_form as made

@@ -19,7 +19,7 @@ from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.settings import Z90
 from fingerlab.diagnosis.signals.scales import SI
-from fingerlab.rig.constants import Motor, Rig
+from fingerlab.rig.file import Motor, Rig
 from fingerlab.sessions.model import Run, Session
 
 from . import closed_form as made

@@ -8,7 +8,7 @@ from importlib.resources import files
 import numpy as np
 import pytest
 
-from fingerlab.diagnosis.experiment.foretelling import Line, Outlook, foretelling
+from fingerlab.diagnosis.experiment.separation import Line, Outlook, foretelling
 from fingerlab.diagnosis.score.calibration import Odds, calibrated, calibration
 from tests.hidden.sweep.foretell import fit_line, fit_shows, well_told
 

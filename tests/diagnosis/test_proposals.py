@@ -31,8 +31,8 @@ from fingerlab.diagnosis.experiment.separation import (
     separation,
     values_in,
 )
-from fingerlab.diagnosis.gram.decimation import decimated_columns
 from fingerlab.diagnosis.gram.reduction import reduce_sessions
+from fingerlab.diagnosis.gram.runs import decimated_columns
 from fingerlab.diagnosis.score.evidence import Evidence
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.score.scorer import Scorer
@@ -42,7 +42,7 @@ from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
 from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import Row
 from fingerlab.physics.motion import Motion
-from fingerlab.rig.constants import Intervention
+from fingerlab.rig.file import Intervention
 from fingerlab.sessions.model import Session
 from fingerlab.twin.protocols import single_run
 

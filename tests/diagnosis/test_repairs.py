@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fingerlab.diagnosis.signals.repairs import bridged, without_spikes
+from fingerlab.diagnosis.signals.filters import bridged, without_spikes
 from fingerlab.diagnosis.signals.segments import segments_of
 from fingerlab.sessions.model import Run
 

@@ -7,7 +7,7 @@ import pytest
 
 from fingerlab.diagnosis.equations.parameters import spread_of, tie
 from fingerlab.diagnosis.settings import TOLERANCES, USUAL_RATIOS, USUAL_SPREAD
-from fingerlab.rig.constants import Motor, Rig
+from fingerlab.rig.file import Motor, Rig
 
 INDEX = {
     "loss_mcp@flexion": 0, "arm_mcp@extension": 1, "arm_pip@extension": 2, "arm_mcp@flexion": 3,

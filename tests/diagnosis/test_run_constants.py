@@ -10,7 +10,7 @@ import pytest
 from fingerlab.diagnosis.equations.features import Pick
 from fingerlab.diagnosis.fit.run_spreads import find_constants
 from fingerlab.diagnosis.gram.reduction import Reduction
-from fingerlab.diagnosis.gram.run_constants import RunConstants, RunTotals, taken_up
+from fingerlab.diagnosis.gram.sums import RunConstants, RunTotals, taken_up
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
 from fingerlab.sessions.model import Run, Session

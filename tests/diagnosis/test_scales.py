@@ -19,8 +19,7 @@ from fingerlab.diagnosis.signals.scales import (
 )
 from fingerlab.diagnosis.signals.segments import segments_of
 from fingerlab.physics.motion import Motion, strongest_orders
-from fingerlab.rig.constants import Finger, Motor, Rig
-from fingerlab.rig.file import default_rig
+from fingerlab.rig.file import Finger, Motor, Rig, default_rig
 from fingerlab.sessions.model import Run, Session
 
 MADE = Scales(torque=8.0, length=2.0, time=0.5)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fingerlab.diagnosis.answer.results import Comparison
-from fingerlab.diagnosis.answer.shapes import (
+from fingerlab.diagnosis.answer.where import (
     angle_loop,
     autocorrelation,
     full_rate,

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 
 from fingerlab.diagnosis.fit.noise import _factor, _limited
-from fingerlab.diagnosis.gram.decimation import counted, taut_moments
+from fingerlab.diagnosis.gram.runs import counted, taut_moments
 from fingerlab.diagnosis.settings import MOST_NOISE, RIDGE, SLACK_TENSION_N
 from fingerlab.physics.motion import Motion
 from tests.effects.moving import MOTOR, moving
@@ -23,8 +24,8 @@ def pulled(newtons: float, true_inertia: float, spread: float) -> Motion:
     return replace(motion, acceleration=speeding, torque=torque, inertia_spread=spread)
 
 
-def taut(motion: Motion) -> np.ndarray:
-    return taut_moments(motion, counted(motion))
+def taut(motion: Motion, drive: Mapping[str, float] | None = None) -> np.ndarray:
+    return taut_moments(motion, counted(motion), drive or {})
 
 
 def test_a_slack_cable_is_not_taut_because_the_rotor_is_heavier_than_the_rig_file_says() -> None:
@@ -39,6 +40,20 @@ def test_a_slack_cable_is_not_taut_because_the_rotor_is_heavier_than_the_rig_fil
 def test_a_cable_that_pulls_is_taut_however_the_rotor_may_be() -> None:
     assert MOTOR.inertia is not None
     assert taut(pulled(1.0, MOTOR.inertia, 0.2 * MOTOR.inertia)).all()
+
+
+def test_what_motor_and_gearbox_were_found_to_keep_is_no_pull() -> None:
+    """4 mN m of friction and grease read as 0.27 N at a pulley of 15 mm, more than a slack cable may pull."""
+    turning = pulled(0.0, MOTOR.inertia or 0.0, 0.0)
+    turning = replace(turning, velocity=np.full_like(turning.time, 2.0))
+    turning = replace(turning, torque=turning.torque + 2e-3 * 2.0)
+    assert taut(turning).all()
+    assert not taut(turning, {"drive_viscous": 2e-3}).any()
+    rubbing = pulled(0.0, MOTOR.inertia or 0.0, 0.0)
+    way = np.linspace(0.0, 2.0, len(rubbing.time))
+    rubbing = replace(rubbing, position=way, torque=rubbing.torque + 4e-3)
+    assert taut(rubbing).all()
+    assert not taut(rubbing, {"drive_coulomb": 4e-3}).any()
 
 
 def test_products_that_are_rounding_alone_have_a_factor_all_the_same() -> None:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from fingerlab.diagnosis.answer.results import Comparison
+from fingerlab.diagnosis.answer.results import AsideStretch, Comparison
 from fingerlab.diagnosis.answer.where import COORDINATES, profile, stretches_in, worst_run
 from fingerlab.report.diagnosis_figures import where_figure
 from fingerlab.report.diagnosis_words import axis_title, bin_words, miss_words, worst_words
@@ -93,6 +95,21 @@ def test_one_bad_run_is_named_and_found_in_any_coordinate() -> None:
     speeds = profile(runs, "pip_torque", "speed")
     assert speeds is not None
     assert worst_run(speeds, 2, runs) is runs[1]
+
+
+def test_a_standstill_that_is_left_aside_is_no_failure() -> None:
+    held = (TIME > 20.0) & (TIME < 24.0)
+    run = comparison("001", np.where(held, 10 * FRICTION, RUBBING))
+    at_rest = replace(run, aside=(AsideStretch("standstill", 20.0, 24.0),))
+    for coordinate in ("time", "tension", "speed"):
+        found = profile([at_rest], "pip_torque", coordinate)
+        assert found is not None
+        assert np.nanmax(found.rms) == pytest.approx(FRICTION)
+        inside = [part for bin_ in range(len(found.mean)) for part in stretches_in(found, bin_, at_rest)]
+        assert not any(start < 22.0 < stop for start, stop in inside)
+    counted = profile([run], "pip_torque", "time")
+    assert counted is not None
+    assert np.nanmax(counted.rms) > 2 * FRICTION
 
 
 def test_within_the_floor_nothing_stands_out() -> None:

@@ -17,8 +17,8 @@ import fingerlab.report.content
 import fingerlab.report.page
 import fingerlab.sessions.writing
 from fingerlab.cli.main import cli
+from fingerlab.report.figure_style import NamedFigure
 from fingerlab.report.page import Extras
-from fingerlab.report.pictures import NamedFigure
 from fingerlab.sessions import content_hash
 from fingerlab.sessions.model import Session
 from fingerlab.twin.protocols import RunPlan

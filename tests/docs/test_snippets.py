@@ -10,8 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from fingerlab.rig.constants import Rig
-from fingerlab.rig.file import load_rig
+from fingerlab.rig.file import Rig, load_rig
 from tests.docs.shelf import ROOT
 
 DOCS = ROOT / "docs"

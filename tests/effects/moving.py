@@ -9,7 +9,7 @@ import numpy as np
 from fingerlab.effects.base import Row, Term
 from fingerlab.physics.motion import Motion
 from fingerlab.physics.nominal import JointMotion
-from fingerlab.rig.constants import Finger, Motor
+from fingerlab.rig.file import Finger, Motor
 
 RATE = 250.0
 FINGER = Finger(0.012, 0.014, 0.0225, 0.024, 2.1e-6, 2.9e-6, 0.12, 0.06, wrist_angle=np.radians(15.0))

@@ -9,6 +9,7 @@ import pytest
 
 from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import Row, Term
+from fingerlab.effects.joints import LATE, as_effects_see_it, driven_tension
 from fingerlab.effects.sensor_drift import STEADY_S
 from fingerlab.physics import nominal
 from fingerlab.physics.nominal import JointMotion
@@ -128,6 +129,21 @@ def test_capstan_loss_is_a_share_of_the_tension_against_the_travel() -> None:
                 error = column(terms, row)[fast] - expected
                 assert np.abs(error).max() < 0.02 * np.abs(expected).max()
             assert any(t.row == Row.CABLE for t in terms) == bool(shape["stretch_behind"])
+
+
+def test_a_sheath_takes_its_share_of_what_motor_and_gearbox_leave_and_a_delay_moves_both() -> None:
+    """Grease of 2 mN m s/rad and an inertia more, taken off in closed form; late by 11 ms, the same sines."""
+    motion = moving()
+    told = {"drive_viscous": 2e-3, "drive_inertia": 2e-4, "drive_coulomb": 0.0}
+    kept = (MOTOR.inertia + 2e-4) * motion.acceleration + 2e-3 * motion.velocity
+    assert driven_tension(motion, told) == pytest.approx((motion.torque - kept) / RADIUS)
+    late = as_effects_see_it(motion, [replace(CATALOGUE["transport_delay"], shapes=({LATE: 0.011},))])
+    then = motion.time[3:] - 0.011
+    turn = 2 * np.pi * 0.75 * then + 0.8
+    assert late.position[3:] == pytest.approx(0.5 + 0.4 * np.sin(turn), abs=1e-4)  # linear between samples
+    assert late.torque[3:] == pytest.approx(0.05 + 0.02 * np.sin(2 * np.pi * 0.25 * then), abs=1e-6)
+    assert late.joints is motion.joints
+    assert as_effects_see_it(motion, [CATALOGUE["transport_delay"]]) is motion
 
 
 def test_a_cable_that_sticks_in_its_sheath_keeps_its_friction_while_the_tension_rises() -> None:

@@ -207,7 +207,7 @@ def rows(tries: int, seed: int) -> Iterator[str]:
         seen = [try_once(lie, seed + k) for k in range(tries)]
         count = Counter(one.how for one in seen)
         after = [one.after_s for one in seen if one.how == "stopped"]
-        times = f"{np.median(after):.2f} | {max(after):.2f}" if after else "- | -"
+        times = f"{max(np.median(after), 0.0):.2f} | {max(after):.2f}" if after else "- | -"
         common = Counter(_without_numbers(one.sentence) for one in seen).most_common(1)[0][0]
         sentence = next(one.sentence for one in seen if _without_numbers(one.sentence) == common)
         row = (

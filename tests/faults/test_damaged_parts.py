@@ -16,7 +16,7 @@ import pytest
 from fingerlab.core.errors import UserError
 from fingerlab.sessions import open_session
 from fingerlab.sessions.disk_files import ReadFile
-from fingerlab.sessions.format import CHANNEL_UNITS
+from fingerlab.sessions.model import CHANNEL_UNITS
 from fingerlab.sessions.recording_files import (
     CLOSED,
     LOCK,

@@ -13,7 +13,7 @@ from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.diagnosis.signals.scales import find_scales
 from fingerlab.effects import CATALOGUE
 from fingerlab.report.diagnosis_words import UNEXPLAINED, path_sentence
-from fingerlab.rig.constants import Motor, Rig
+from fingerlab.rig.file import Motor, Rig
 from fingerlab.sessions import open_session
 from fingerlab.sessions.model import Run, Session
 from tests.hidden.axis.makers import MAKERS, imported

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fingerlab.rig.constants import Finger, Motor, Rig
+from fingerlab.rig.file import Finger, Motor, Rig
 from fingerlab.sessions import Run, Session, check_session, open_session
 from fingerlab.twin.effects import EFFECTS
 from tests.hidden.sweep.disguise import DIRT, Size, decimated, dirty, noisier, resized

@@ -12,7 +12,7 @@ from fingerlab.batch.table import Contents, complete, write_table
 from fingerlab.core.errors import UserError
 from fingerlab.library.index import SessionFacts, read_facts, scan
 from fingerlab.library.notes import FILE_NAME, LibraryEntry, Note, Notebook, find_verdicts, matches
-from fingerlab.library.pyramid import make_thumbnail
+from fingerlab.library.reviewing import make_thumbnail
 from fingerlab.sessions.recording_files import session_files
 
 

@@ -8,10 +8,15 @@ import numpy as np
 import pytest
 
 from fingerlab.core.errors import Cancelled, UserError
-from fingerlab.library.pyramid import BASE, LEVELS, MOST_SAMPLES, PIECE, Pyramid, fill
 from fingerlab.library.reviewing import (
+    BASE,
+    LEVELS,
+    MOST_SAMPLES,
+    PIECE,
     Marker,
+    Pyramid,
     broken_at_gaps,
+    fill,
     fold,
     load_between,
     markers_of,

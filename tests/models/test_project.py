@@ -14,8 +14,8 @@ import platformdirs
 import pytest
 
 from fingerlab.core.errors import UserError
-from fingerlab.models import project as kept
-from fingerlab.models.project import Project, TriedModel, View, load_project, project_path, save_project
+from fingerlab.models import file as kept
+from fingerlab.models.file import Project, TriedModel, View, load_project, project_path, save_project
 from fingerlab.sessions import Session, open_session
 
 DONE = Project(
@@ -36,7 +36,7 @@ WRITE = """
 import sys, itertools
 from dataclasses import replace
 from pathlib import Path
-from fingerlab.models.project import Project, save_project
+from fingerlab.models.file import Project, save_project
 print("ready", flush=True)
 for number in itertools.count(1):
     save_project(Project(("day.h5",), notes=f"{number} " + "x" * 200_000), Path(sys.argv[1]))

@@ -15,7 +15,7 @@ import xarray
 
 import fingerlab
 from fingerlab.core.errors import UserError
-from fingerlab.notebook.display import ShownTable, filled
+from fingerlab.notebook.model import ShownTable, filled
 from fingerlab.sessions import Run
 
 MakeSession = Callable[..., Path]
@@ -94,7 +94,7 @@ def test_channels_as_read_get_a_name_that_xarray_takes() -> None:
         units={"raw/force": "V"},
         attributes={"complete": np.True_},
     )
-    from fingerlab.notebook.data import run_dataset
+    from fingerlab.notebook.session import run_dataset
 
     data = run_dataset(run)
     assert data["raw_force"].values.tolist() == [1.0, 2.0, 3.0]

@@ -8,7 +8,7 @@ import sympy as sp
 
 from fingerlab.core.errors import UserError
 from fingerlab.physics import nominal
-from fingerlab.rig.constants import Finger, Motor
+from fingerlab.rig.file import Finger, Motor
 
 FINGER = Finger(
     proximal_mass=0.013,

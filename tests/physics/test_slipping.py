@@ -8,7 +8,7 @@ import pytest
 from fingerlab.diagnosis.settings import SLIP_STIFFNESSES
 from fingerlab.physics.friction_states import rubbing_forces
 from fingerlab.physics.motion import Motion
-from fingerlab.rig.constants import Motor
+from fingerlab.rig.file import Motor
 
 STIFFNESS = 6.0
 

@@ -11,7 +11,7 @@ import pytest
 from fingerlab.core.errors import UserError
 from fingerlab.effects import CATALOGUE
 from fingerlab.prediction.force import contact_stretches, solved_forces
-from fingerlab.rig.constants import Finger, Motor, Rig
+from fingerlab.rig.file import Finger, Motor, Rig
 from fingerlab.sessions.model import Run, Session
 
 FINGER = Finger(

@@ -16,12 +16,11 @@ from fingerlab.core.errors import UserError
 from fingerlab.effects import CATALOGUE
 from fingerlab.models.file import ParameterEstimate, write_model
 from fingerlab.prediction import fit_extended, model_of_extended
-from fingerlab.prediction.extended import ChosenEffect, Variant
+from fingerlab.prediction.extended import CELLS, Band, ChosenEffect, Variant
 from fingerlab.prediction.force import contact_stretches, solved_forces
 from fingerlab.prediction.inverse import LEAD_S, needed_torque
-from fingerlab.prediction.judging import CELLS, Band
 from fingerlab.prediction.target import ContactPose, pose_by_hand, pose_of_run, wanted_force
-from fingerlab.rig.constants import Finger, Motor, Rig
+from fingerlab.rig.file import Finger, Motor, Rig
 from fingerlab.sessions import open_session
 from fingerlab.sessions.model import Run, Session
 from fingerlab.thesis.onair import Parameters

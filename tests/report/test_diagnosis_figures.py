@@ -17,8 +17,16 @@ from fingerlab.report.diagnosis_figures import (
     fingerprint_figure,
     path_figure,
 )
-from fingerlab.report.figure_style import CANDIDATE, FLOOR, MEASURED, MODELLED, RESIDUAL, label, new_figure
-from fingerlab.report.pictures import inline_svg
+from fingerlab.report.figure_style import (
+    CANDIDATE,
+    FLOOR,
+    MEASURED,
+    MODELLED,
+    RESIDUAL,
+    inline_svg,
+    label,
+    new_figure,
+)
 
 
 def lines(axes) -> dict[str, object]:

@@ -27,8 +27,7 @@ from fingerlab.report.equation_text import (
     to_latex,
     to_markdown,
 )
-from fingerlab.rig.constants import Rig
-from fingerlab.rig.file import default_rig
+from fingerlab.rig.file import Rig, default_rig
 
 
 def estimate(value: float, unit: str, half: float = 0.0) -> ParameterEstimate:

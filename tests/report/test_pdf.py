@@ -12,10 +12,10 @@ from matplotlib.image import imread
 from pypdf import PdfReader
 
 from fingerlab.core.errors import UserError
+from fingerlab.report.figure_style import FORMATS, NamedFigure
 from fingerlab.report.page import Extras, write_report
 from fingerlab.report.pdf import pdf_of_page, pieces, words
 from fingerlab.report.pdf_paper import FigurePlace, Paper, PaperTable, set_table
-from fingerlab.report.pictures import FORMATS, NamedFigure
 from fingerlab.sessions import open_session
 
 

@@ -7,7 +7,6 @@ import math
 import pytest
 
 from fingerlab.core.errors import UserError
-from fingerlab.rig.constants import Motor, Rig
 from fingerlab.rig.daq import (
     BENCH_LIMITS,
     AnalogInput,
@@ -18,7 +17,7 @@ from fingerlab.rig.daq import (
     plain_section,
     second_terminal,
 )
-from fingerlab.rig.file import default_rig, parse_rig
+from fingerlab.rig.file import Motor, Rig, default_rig, parse_rig
 
 
 def test_the_default_rig_file_states_every_default_and_where_it_comes_from():

@@ -7,7 +7,7 @@ import json
 import pytest
 
 from fingerlab.core.errors import UserError
-from fingerlab.rig.constants import (
+from fingerlab.rig.file import (
     INTERVENTION,
     UNCHANGED,
     Intervention,

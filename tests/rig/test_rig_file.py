@@ -7,8 +7,7 @@ import math
 import pytest
 
 from fingerlab.core.errors import UserError
-from fingerlab.rig.constants import Rig
-from fingerlab.rig.file import CONSTANT_UNITS, default_rig, load_rig, parse_rig, sources_of
+from fingerlab.rig.file import CONSTANT_UNITS, Rig, default_rig, load_rig, parse_rig, sources_of
 
 FINGER = """
 [finger]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fingerlab.core.errors import UserError
-from fingerlab.sessions import check, check_session, open_session
+from fingerlab.sessions import check_session, open_session, reading
 
 
 def findings(path):
@@ -37,7 +37,7 @@ def test_recordings_from_outside_have_no_finding(shared_data):
 @pytest.mark.parametrize("piece", [100, 1 << 17])
 @pytest.mark.parametrize("index", [1, 100, 3999])
 def test_time_that_runs_backwards_is_found_wherever_pieces_meet(make_session, monkeypatch, piece, index):
-    monkeypatch.setattr(check, "PIECE_SAMPLES", piece)
+    monkeypatch.setattr(reading, "PIECE_SAMPLES", piece)
     path = make_session(change=set_samples("time", index, (index - 1.5) / 1000))
     (error,) = check_session(open_session(path)).errors
     assert f"run 001, time runs backwards at sample {index} " in error.text

@@ -27,7 +27,7 @@ def test_what_is_in_the_file_is_in_the_session(make_session):
     assert (run.length, run.sample_rate_hz, run.seconds) == (4000, 1000.0, 4.0)
     assert run.trajectory["amplitude_deg"] == 15.0
     assert run.units["motor_torque"] == "N m"
-    assert [r.name for r in session.runs_of("contact")] == ["002"]
+    assert [r.name for r in session.contact_runs()] == ["002"]
 
 
 def test_samples_are_double_precision_and_can_be_cut(make_session):

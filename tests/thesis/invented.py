@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from fingerlab.rig.constants import Finger, Motor, Rig
+from fingerlab.rig.file import Finger, Motor, Rig
 from fingerlab.sessions.model import ArrayReader, Run, Session
 
 RATE = 1000.0

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fingerlab.report.thesis_figures import FIGURES, thesis_figures
+from fingerlab.report.force_figures import FIGURES, thesis_figures
 from fingerlab.sessions import open_session
 from fingerlab.thesis.analysis import PUBLISHED, ThesisAnalysis, thesis_analysis
 from fingerlab.thesis.contact import FINAL

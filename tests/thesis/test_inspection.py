@@ -9,8 +9,7 @@ import pytest
 
 from fingerlab.core.errors import UserError
 from fingerlab.thesis.inspection import Inspection, inspect_session, kinematic_arms, region_spans
-from fingerlab.thesis.regression import RegressionSums, fit_line
-from fingerlab.thesis.traces import FitSpec
+from fingerlab.thesis.traces import FitSpec, RegressionSums, fit_line
 
 from . import invented as made
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from fingerlab.core.errors import UserError
-from fingerlab.rig.constants import Motor, Rig
+from fingerlab.rig.file import Motor, Rig
 from fingerlab.sessions import open_session
-from fingerlab.thesis.motor_bench import fit_motor_bench
+from fingerlab.thesis.fitting import fit_motor_bench
 
 from . import invented as made
 

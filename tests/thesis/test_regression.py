@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import signal, stats
 
-from fingerlab.thesis.regression import (
+from fingerlab.thesis.traces import (
     RegressionSums,
     coefficient_of_determination,
     fit_line,

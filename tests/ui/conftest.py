@@ -24,7 +24,7 @@ from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.ui.acquire import acquire_tab
 from fingerlab.ui.acquire.bench_setup import open_bench
 from fingerlab.ui.app import application
-from fingerlab.ui.app.settings import Settings
+from fingerlab.ui.app.context import Settings
 from fingerlab.ui.app.window import MainWindow
 
 from .bench_hands import Rig, opener, tabs_with

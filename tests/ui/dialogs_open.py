@@ -17,18 +17,17 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from fingerlab.models.project import TriedModel
+from fingerlab.models.file import TriedModel
 from fingerlab.prediction.comparing import ComparedModel, ModelComparison
 from fingerlab.ui.acquire.acquire_bars import FROM_FILE
 from fingerlab.ui.acquire.acquire_tab import ask_to_close
 from fingerlab.ui.acquire.connect_page import ConnectPage
-from fingerlab.ui.acquire.session_writing import DetailsDialog
-from fingerlab.ui.app import dialogs
-from fingerlab.ui.app.window import MainWindow
+from fingerlab.ui.acquire.recording_control import DetailsDialog
+from fingerlab.ui.app.window import MainWindow, ask_to_run
 from fingerlab.ui.calibrate.calibrate_tab import ask_to_leave
 from fingerlab.ui.lab.own_effects import OwnEffects
 from fingerlab.ui.lab.own_effects import ask_to_leave as ask_to_leave_text
-from fingerlab.ui.lab.project_dialogs import NotesDialog, TriedDialog
+from fingerlab.ui.lab.side_by_side import NotesDialog, TriedDialog
 from fingerlab.ui.sessions.import_dialog import ImportDialog
 from fingerlab.ui.widgets.plot_figure import paper_of
 
@@ -156,7 +155,7 @@ def _about(stage: Stage) -> None:
 
 DIALOGS = (
     Surface("Keys (F1)", (lambda s: _menu_entry(s.window, "Keys").trigger(),)),
-    Surface("Log", (lambda s: s.window.menus.log.trigger(),), ("app/dialogs.py:_show",)),
+    Surface("Log", (lambda s: s.window.menus.log.trigger(),), ("app/window.py:_show",)),
     Surface("Log, moved over STOP", (_log_over_stop,)),
     Surface(
         "Documents",
@@ -168,18 +167,18 @@ DIALOGS = (
     Surface(
         "Save the plot",
         (lambda s: s.window.plots.ask_and_save(_first_plot(s)),),
-        ("app/plot_menu.py:SavePlotDialog",),
+        ("app/menus.py:SavePlotDialog",),
     ),
     Surface(
         "Save the plot > File",
         (lambda s: s.window.plots.save_as(_first_plot(s), paper_of(_first_plot(s))),),
-        ("app/plot_menu.py:PlotMenu.save_as",),
+        ("app/menus.py:PlotMenu.save_as",),
     ),
-    Surface("Details of the session", (_details,), ("acquire/session_writing.py:DetailsDialog",)),
+    Surface("Details of the session", (_details,), ("acquire/recording_control.py:DetailsDialog",)),
     Surface(
         "Details > Folder for recordings",
         (_details, lambda s: _of(s.window, DetailsDialog)._choose()),
-        ("acquire/session_writing.py:DetailsDialog._choose",),
+        ("acquire/recording_control.py:DetailsDialog._choose",),
     ),
     Surface(
         "Stop and close? (Disconnect, Quit)",
@@ -189,7 +188,7 @@ DIALOGS = (
     Surface(
         "Model from a file",
         (lambda s: s.tab("acquire").toolbar.model_chosen.emit(FROM_FILE),),
-        ("acquire/live_model.py:LiveModelComparison._on_chosen",),
+        ("acquire/acquire_bars.py:LiveModelComparison._on_chosen",),
     ),
     Surface(
         "Trajectory file",
@@ -219,8 +218,8 @@ DIALOGS = (
     ),
     Surface(
         "Run an own file?",
-        (lambda s: dialogs.ask_to_run(s.window, *_own_file(s), False, "it"),),
-        ("app/dialogs.py:ask_to_run",),
+        (lambda s: ask_to_run(s.window, *_own_file(s), False, "it"),),
+        ("app/window.py:ask_to_run",),
     ),
     Surface(
         "Recording of a sensor",
@@ -299,7 +298,7 @@ DIALOGS = (
     Surface(
         "Wanted force",
         (lambda s: s.tab("predict").wanted.panel._choose_file(),),
-        ("predict/wanted_panel.py:WantedPanel._choose_file",),
+        ("predict/wanted_force.py:WantedPanel._choose_file",),
         "predict",
     ),
     Surface(
@@ -308,7 +307,7 @@ DIALOGS = (
     Surface(
         "Save model",
         (lambda s: s.tab("model_lab").actions.ask_and_save(),),
-        ("lab/result_actions.py:ResultActions.ask_and_save",),
+        ("lab/truth.py:ResultActions.ask_and_save",),
         "model_lab",
     ),
     Surface(
@@ -326,19 +325,19 @@ DIALOGS = (
     Surface(
         "Notes",
         (lambda s: NotesDialog(s.tab("model_lab").pages, "Clamped anew.", "day.project.json").open(),),
-        ("lab/project_dialogs.py:NotesDialog",),
+        ("lab/side_by_side.py:NotesDialog",),
         "model_lab",
     ),
     Surface(
         "Models tried",
         (lambda s: TriedDialog(s.tab("model_lab").pages, [TriedModel((), 12.4)], ((), ())).open(),),
-        ("lab/project_dialogs.py:TriedDialog",),
+        ("lab/side_by_side.py:TriedDialog",),
         "model_lab",
     ),
     Surface(
         "What the error is made of",
         (lambda s: s.tab("model_lab").view.show_score_parts(),),
-        ("lab/score_parts.py:ScorePartsDialog",),
+        ("lab/side_by_side.py:ScorePartsDialog",),
         "model_lab",
     ),
     Surface(
@@ -350,19 +349,19 @@ DIALOGS = (
     Surface(
         "Two sessions run by run",
         (_run_by_run,),
-        ("sessions/pairs_dialog.py:PairsDialog",),
+        ("sessions/trend_dialog.py:PairsDialog",),
         "sessions",
     ),
     Surface(
         "Models compared",
         (_models_compared,),
-        ("predict/models_dialog.py:ModelsDialog",),
+        ("predict/force_panel.py:ModelsDialog",),
         "predict",
     ),
     Surface(
         "The thesis' experiment again",
         (lambda s: s.tab("fit").show_replicate(),),
-        ("fit/replicate_dialog.py:ReplicateDialog",),
+        ("fit/fit_view.py:ReplicateDialog",),
         "fit",
     ),
     Surface(
@@ -400,7 +399,7 @@ DIALOGS = (
         "Own effects > Run it?",
         (
             _own_effects,
-            lambda s: dialogs.ask_to_run(_of(s.window, OwnEffects), *_own_file(s), True, "it"),
+            lambda s: ask_to_run(_of(s.window, OwnEffects), *_own_file(s), True, "it"),
         ),
         (),
         "model_lab",

@@ -34,8 +34,8 @@ from PySide6.QtWidgets import (
 
 from fingerlab.ui.acquire.live_canvas import Canvas
 from fingerlab.ui.app.window import MainWindow
-from fingerlab.ui.widgets.labels import ElidedLabel
 from fingerlab.ui.widgets.plots import QuietPlot
+from fingerlab.ui.widgets.tables import ElidedLabel
 
 SIZES = ((1280, 760), (1920, 1040), (960, 540))
 SCROLLING = SIZES[-1]

@@ -14,7 +14,7 @@ from PySide6.QtGui import QImage
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QDialog, QFileDialog, QPushButton, QWidget
 
-from fingerlab.ui.app.plot_menu import is_plot
+from fingerlab.ui.app.menus import is_plot
 from fingerlab.ui.app.window import MainWindow
 
 ENDINGS = ("png", "svg", "pdf", "csv")

@@ -1,15 +1,17 @@
-"""Above the plots of Acquire: the device, what the operator has to do, time and trigger; the menu."""
+"""Above the plots of Acquire: device, what to do, time and trigger; the menu; the model beside it all."""
 
 from __future__ import annotations
 
+import traceback
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from PySide6.QtCore import Signal
+from PySide6.QtCore import QObject, Signal
 from PySide6.QtWidgets import (
     QCheckBox,
     QComboBox,
+    QFileDialog,
     QFrame,
     QGridLayout,
     QHBoxLayout,
@@ -20,17 +22,24 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from fingerlab.core.errors import UserError
 from fingerlab.core.text import ScreenUnit
+from fingerlab.sessions.model import FINGER_PHASES
 
+from ..app.context import ApplicationContext
 from ..app.tab_registry import SEPARATOR, Command
 from ..widgets.fields import NumberField, choice, form_menu, refuse_entries
 from ..widgets.free_plots import PlotsButton
-from ..widgets.labels import ElidedLabel, header_name, heading
 from ..widgets.layout import described, hbox
+from ..widgets.tables import ElidedLabel, header_name, heading
 from .acquire_panel import AcquirePanel
-from .live_channels import QUANTITIES, SHOWN
+from .bench_controller import BenchController
+from .live_history import PLOTS, QUANTITIES, SHOWN
 from .live_plots import WINDOWS_S, LivePlots, Trigger, level_of
 from .recording_control import RecordingControl
+
+if TYPE_CHECKING:
+    from fingerlab.models.live import Balance
 
 
 class AcquireHeader(QWidget):
@@ -165,7 +174,7 @@ class PlotToolbar(QWidget):
         )
         self.window_s.setMinimumContentsLength(5)
         self.window_s.setCurrentIndex(2)
-        self.hold = _switch("hold", "&Hold", "Keep the picture still; the bench goes on (Ctrl+P).")
+        self.hold = _switch("hold", "H&old", "Keep the picture still; the bench goes on (Ctrl+P).")
         self.cursors = _switch("cursors", "C&ursors", "Two cursors to drag, with differences (Ctrl+K).")
         self.trigger = TriggerButton(plots)
         self.arrange = PlotsButton(plots.free)
@@ -222,7 +231,7 @@ class PlotToolbar(QWidget):
 
     def _on_held(self, on: bool) -> None:
         self.hold.setChecked(on)
-        self.hold.setText("Go &live" if on else "&Hold")
+        self.hold.setText("Go &live" if on else "H&old")
 
     def _tell(self, times: str, differences: str, values: str) -> None:
         for label, text in ((self.times, times), (self.differences, differences)):
@@ -346,3 +355,87 @@ def acquire_menu(
         SEPARATOR,
         Command("Disco&nnect", disconnect, None, connected),
     )
+
+
+MODEL_FILTER = "Model files (*.json);;All files (*)"
+
+
+class LiveModelComparison(QObject):
+    """Follows the choice in the toolbar and the set-up of the bench."""
+
+    def __init__(
+        self, context: ApplicationContext, controller: BenchController, toolbar: PlotToolbar, plots: LivePlots
+    ) -> None:
+        super().__init__(controller)
+        self._context, self._controller, self._toolbar, self._plots = context, controller, toolbar, plots
+        self._balance: Balance | None = None
+        self._path: Path | None = None
+        self._key = NO_MODEL
+        toolbar.model_chosen.connect(self._on_chosen)
+
+    def show(self) -> None:
+        """Compare anew: another bench, another phase or cable."""
+        self._toolbar.refuse_models(self._refusal())
+        key = self._key
+        if key == FILE and self._path is not None:
+            self._load(self._path)
+        try:
+            self._controller.compare(self._balance if key == FILE else None, key in (NOMINAL, FILE))
+        except UserError as error:
+            self._context.tell(str(error))
+            self._key = key = NO_MODEL
+        self._toolbar.show_model(key, self._path if key == FILE else None)
+        modelled = self._controller.model is not None
+        self._plots.show_model(modelled, modelled and self._controller.set_up.phase == "contact")
+        self._plots.refresh()
+
+    def _refusal(self) -> str:
+        """Why no model can stand beside what is measured now; empty where one can."""
+        opened = self._controller.opened
+        if opened is None:
+            return ""
+        if opened.rig.finger is None or opened.rig.motor.pulley_radius is None:
+            return "The rig names no finger or no pulley radius; there is nothing to model."
+        if self._controller.set_up.phase not in FINGER_PHASES:
+            return "A model is of the finger; choose the phase On air or Contact."
+        return ""
+
+    def show_errors(self) -> None:
+        """What the model leaves over now."""
+        model = self._controller.model
+        if model is None:
+            return
+        for spec in PLOTS:
+            if spec.key in ("torque", "force"):
+                error = model.error(spec.key)
+                words = QUANTITIES[spec.readings[0]].text(error) if error == error else "–"
+                label = self._plots.panes[spec.key].error
+                label.setText(f"error {words}")
+                label.setToolTip(
+                    f"Root mean square of measured less modelled over the last seconds. The model is "
+                    f"{1e3 * model.delay_s:.0f} ms behind the measurement."
+                )
+
+    def _on_chosen(self, key: str) -> None:
+        if key == FROM_FILE:
+            name, _ = QFileDialog.getOpenFileName(
+                self._toolbar, "Model", self._context.settings.folder(), MODEL_FILTER
+            )
+            if not name or not self._load(Path(name)):
+                self._toolbar.show_model(self._key)
+                return
+            key = FILE
+        self._key = key
+        self.show()
+
+    def _load(self, path: Path) -> bool:
+        from fingerlab.models.file import load_model
+        from fingerlab.models.live import balance_of
+
+        try:
+            self._balance = balance_of(load_model(path), self._controller.set_up.cable, path.name)
+        except UserError as error:
+            self._context.tell(str(error), traceback.format_exc())
+            return False
+        self._path = path
+        return True

@@ -21,8 +21,8 @@ from PySide6.QtWidgets import (
 from fingerlab.acquisition.control.machine import Event, Mode, SetGains
 from fingerlab.acquisition.protocols.driver import LONGEST_BEFORE_S
 from fingerlab.core.text import grouped
-from fingerlab.rig.constants import Rig
-from fingerlab.sessions.format import FINGER_PHASES
+from fingerlab.rig.file import Rig
+from fingerlab.sessions.model import FINGER_PHASES
 
 from ..app.undo import FormHistory
 from ..widgets.fields import (
@@ -37,8 +37,8 @@ from ..widgets.fields import (
     set_shown,
     set_usable,
 )
-from ..widgets.labels import ElidedLabel, heading, remark
 from ..widgets.layout import FLUSH, described, hbox, vbox
+from ..widgets.tables import ElidedLabel, heading, remark
 from .bench_controller import BenchController
 from .bench_setup import LOADED_PHASE, cable_refusal
 from .motion_form import GainsButton, MotionForm, MotionsButton
@@ -164,7 +164,7 @@ class AcquirePanel(QWidget):
             "Reset &load cell", "tare", "The load cell's reading now is no force (Ctrl+T).", actions.tare
         )
         self.initial = InitialButton()
-        self.enable = ActionButton("&Enable", "enable", "Amplifier on or off (Ctrl+E).", actions.enable)
+        self.enable = ActionButton("Ena&ble", "enable", "Amplifier on or off (Ctrl+E).", actions.enable)
         self.enable.setProperty("primary", "true")
         self.release = ActionButton(
             "Release stop", "release", "Open the latch of the stop (Ctrl+L).", actions.release
@@ -187,7 +187,7 @@ class AcquirePanel(QWidget):
         )
 
     def _make_motion(self, actions: PanelActions) -> None:
-        self.by_hand, self.by_protocol = QPushButton("By &hand"), QPushButton("By p&rotocol")
+        self.by_hand, self.by_protocol = QPushButton("By han&d"), QPushButton("By p&rotocol")
         group = QButtonGroup(self)
         for number_, button in enumerate((self.by_hand, self.by_protocol)):
             button.setCheckable(True)
@@ -313,7 +313,7 @@ class AcquirePanel(QWidget):
             actions.write,
         )
         self.later = ActionButton(
-            "Finish l&ater",
+            "Fi&nish later",
             "writeLater",
             "Go on without the file: the recording is kept whole, and is written when it is opened.",
             actions.later,
@@ -380,7 +380,7 @@ class AcquirePanel(QWidget):
         ):
             if button.isEnabled():
                 button.refuse(complaint_of(fields))
-        self._set_text(self.enable, "Disa&ble" if on else "&Enable")
+        self._set_text(self.enable, "Disa&ble" if on else "Ena&ble")
         self._set_text(self.start, "&Change" if mode is Mode.RUNNING else "&Start")
         fixed = hands_off or ("The amplifier is enabled; disable it first." if on else "")
         for field, help_text in (

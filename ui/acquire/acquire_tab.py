@@ -41,7 +41,7 @@ from ..app.tab_registry import Tab
 from ..app.worker import Failed
 from ..widgets.fields import take_typed
 from ..widgets.layout import FLUSH, SideRoom, hbox, vbox
-from .acquire_bars import AbovePlots, AcquireHeader, PlotToolbar, PromptBar, acquire_menu
+from .acquire_bars import AbovePlots, AcquireHeader, LiveModelComparison, PlotToolbar, PromptBar, acquire_menu
 from .acquire_panel import AcquirePanel, PanelActions
 from .bench_controller import BenchController
 from .bench_setup import (
@@ -60,12 +60,10 @@ from .bench_setup import (
 )
 from .check_page import CheckPage
 from .connect_page import ConnectPage
-from .live_model import LiveModelComparison
 from .live_plots import LivePlots
 from .motion_form import keep_motion
 from .protocol_controller import ProtocolController, left_of_run
-from .recording_control import RecordingControl
-from .session_writing import DetailsDialog, SessionDetails
+from .recording_control import DetailsDialog, RecordingControl, SessionDetails
 
 TEXT_TABLES = (".csv", ".txt", ".tsv")
 Choices = tuple[tuple[str, str], ...]

@@ -17,8 +17,15 @@ from fingerlab.acquisition.ring import COLUMN, CycleTimes, RingReader
 from ..app.context import ApplicationContext, Light, RigLine
 from ..app.worker import Failed, Worker, attempt
 from .bench_setup import BenchRequest, OpenBench, OpenCall, open_bench
-from .live_channels import FORCE_RESIDUAL, MODELLED, MODELLED_FORCE, MODELLED_TORQUE, SHOWN, TORQUE_RESIDUAL
-from .live_history import LiveHistory
+from .live_history import (
+    FORCE_RESIDUAL,
+    MODELLED,
+    MODELLED_FORCE,
+    MODELLED_TORQUE,
+    SHOWN,
+    TORQUE_RESIDUAL,
+    LiveHistory,
+)
 
 if TYPE_CHECKING:
     from fingerlab.acquisition.bench.process_bench import InlineBench

@@ -16,9 +16,8 @@ from PySide6.QtWidgets import QHeaderView, QLabel, QTableWidgetItem, QWidget
 from fingerlab.acquisition.bench.bench import Bench
 
 from ..widgets.fields import ActionButton
-from ..widgets.labels import WholeLabel, heading, remark
 from ..widgets.layout import FLUSH, Spacer, described, hbox, vbox
-from ..widgets.tables import NumberTable
+from ..widgets.tables import NumberTable, WholeLabel, heading, remark
 from ..widgets.theme import large_font
 from .bench_controller import BenchController
 

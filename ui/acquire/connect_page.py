@@ -14,7 +14,7 @@ from PySide6.QtWidgets import QComboBox, QFileDialog, QLabel, QPushButton, QWidg
 from fingerlab.core.errors import UserError
 
 from ..app.context import ApplicationContext
-from ..app.dialogs import ask_to_run as ask
+from ..app.window import ask_to_run as ask
 from ..lab import practice
 from ..widgets.fields import (
     WholeField,
@@ -26,8 +26,8 @@ from ..widgets.fields import (
     set_usable,
     take_typed,
 )
-from ..widgets.labels import heading, remark
 from ..widgets.layout import as_written, described
+from ..widgets.tables import heading, remark
 from .bench_setup import BenchRequest, forget_own_device, own_device_file, own_device_files
 
 if TYPE_CHECKING:
@@ -126,7 +126,7 @@ class ConnectPage(QWidget):
         self.card.setEnabled(False)
         self.again = _button("Look a&gain", "lookAgain")
         self.again.setToolTip("A card was plugged in, or a device server started.")
-        self.rig = _button("Rig &file…", "rigFile")
+        self.rig = _button("Rig f&ile…", "rigFile")
         self.rig_text = remark(DEFAULT_RIG)
 
     def _make_own(self) -> None:
@@ -143,7 +143,7 @@ class ConnectPage(QWidget):
         self.replay = _button("&Replay a recording…", "connectReplay")
         self.replay_text = remark("A recorded run as if it were measured now; nothing moves it.")
         self.runs = choice("replayRun", {}, "Run that is replayed.")
-        self.replay_run = _button("Replay t&his run", "replayThis")
+        self.replay_run = _button("Replay &this run", "replayThis")
         self.replay_run.setProperty("primary", "true")
         for field in (self.runs, self.replay_run):
             field.hide()

@@ -19,8 +19,7 @@ from PySide6.QtGui import QColor, QImage, QPainter
 from fingerlab.sessions.model import Array
 
 from ..widgets.series import live_envelope
-from .live_channels import LiveTrace
-from .live_history import ColumnRun, ColumnView, LiveHistory, PixelColumns
+from .live_history import ColumnRun, ColumnView, LiveHistory, LiveTrace, PixelColumns
 
 
 @dataclass(frozen=True)

@@ -20,13 +20,12 @@ from PySide6.QtWidgets import (
 from fingerlab.sessions.model import Array
 
 from ..widgets.fields import NumberField, form_menu
-from ..widgets.labels import heading, remark
 from ..widgets.layout import FLUSH, hbox, vbox
+from ..widgets.tables import heading, remark
 from ..widgets.theme import colours_of, large_font, line
 from .live_canvas import Canvas
-from .live_channels import MODELLED, QUANTITIES, LivePlotSpec, LiveQuantity, LiveTrace
 from .live_curves import ShownPart
-from .live_history import LiveHistory
+from .live_history import MODELLED, QUANTITIES, LiveHistory, LivePlotSpec, LiveQuantity, LiveTrace
 
 LARGEST = 1e6
 

@@ -15,8 +15,7 @@ from fingerlab.core.text import with_minus
 
 from ..widgets.free_plots import TIME, FreePlots
 from ..widgets.layout import FLUSH, vbox
-from .live_channels import PLOTS, QUANTITIES
-from .live_history import LiveHistory
+from .live_history import PLOTS, QUANTITIES, LiveHistory
 from .live_pane import LivePane
 
 WINDOWS_S = (2.0, 5.0, 10.0, 30.0, 60.0, 120.0)

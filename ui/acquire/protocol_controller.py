@@ -24,8 +24,7 @@ from ..app.worker import Failed
 from ..widgets.fields import take_typed
 from .acquire_bars import PromptBar
 from .acquire_panel import AcquirePanel
-from .recording_control import RecordingControl
-from .session_writing import SessionEnding
+from .recording_control import RecordingControl, SessionEnding
 
 
 class _Driver(ProtocolDriver):

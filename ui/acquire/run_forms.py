@@ -35,12 +35,12 @@ from fingerlab.acquisition.protocols.steps import (
 )
 from fingerlab.core.errors import UserError
 from fingerlab.report.diagnosis_words import PHASE_WORDS
-from fingerlab.rig.constants import changed_words
+from fingerlab.rig.file import changed_words
 from fingerlab.sessions.trajectory import trajectory_words
 
 from ..widgets.fields import WholeField, choice, form_menu, number, refuse_entries
-from ..widgets.labels import heading, remark
 from ..widgets.layout import described
+from ..widgets.tables import heading, remark
 
 JOINTS = {"mcp": "MCP", "pip": "PIP"}
 
@@ -206,9 +206,9 @@ class ProtocolForm(QWidget):
         for name, title in SCANNED.items():
             form.addRow(title, self.scans[name])
         form.addRow("R&uns (n)", self.runs)
-        form.addRow("&Each (s)", self.seconds)
+        form.addRow("Each (s)", self.seconds)
         form.addRow("Re&st (s)", self.rest)
-        form.addRow("&Force (N)", self.force)
+        form.addRow("Force (N)", self.force)
         form.addRow("Press (&°)", self.amplitude)
         form.addRow("From run", self.first)
         form.addRow(self.total)

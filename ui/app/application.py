@@ -22,7 +22,7 @@ from PySide6.QtWidgets import QApplication, QWidget
 import fingerlab
 
 from ..widgets.theme import apply_appearance
-from .settings import Settings
+from .context import Settings
 from .window import MainWindow
 
 TICK_MS = 500

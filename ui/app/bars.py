@@ -12,8 +12,8 @@ from PySide6.QtWidgets import QFrame, QLabel, QProgressBar, QPushButton, QSizePo
 from fingerlab.core.text import grouped
 
 from ..widgets.fields import PROGRESS_STEPS
-from ..widgets.labels import ElidedLabel, FittingLabel, LinesLabel
 from ..widgets.layout import FLUSH, described, hbox
+from ..widgets.tables import ElidedLabel, FittingLabel, LinesLabel
 from ..widgets.theme import colours_of, large_font
 from .context import RigLine
 from .worker import Worker

@@ -1,17 +1,246 @@
-"""The menus: what the window does, and a menu for what the tab in front does."""
+"""The menus: what the window does, what the tab in front does, and any plot copied or saved.
+
+A context menu that no widget wants goes up to the window: here every plot of every tab has its own, and no
+tab need know of it.
+"""
 
 from __future__ import annotations
 
+import re
+import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from PySide6.QtGui import QAction, QActionGroup, QKeySequence
-from PySide6.QtWidgets import QMainWindow, QMenu
+from PySide6.QtCore import QObject, QPoint, Qt
+from PySide6.QtGui import QAction, QActionGroup, QContextMenuEvent, QGuiApplication, QKeySequence
+from PySide6.QtWidgets import (
+    QApplication,
+    QDialog,
+    QDialogButtonBox,
+    QFileDialog,
+    QFormLayout,
+    QLineEdit,
+    QMainWindow,
+    QMenu,
+    QWidget,
+)
 
-from .plot_menu import COPY_KEYS, SAVE_KEYS
+from fingerlab.core.errors import UserError
+
+from ..widgets.fields import choice, number
+from ..widgets.layout import described, vbox
+from ..widgets.series import ShowsSeries
+from .context import ApplicationContext, Settings
 from .stop_key import STOP_KEYS
 from .tab_registry import Command, Tab, TabEntry
+
+if TYPE_CHECKING:
+    from ..widgets.plot_figure import Paper
+
+# What draws and writes plots is imported late: without it the window opens sooner.
+ENDINGS = {".png": "Picture", ".svg": "Vector picture", ".pdf": "Vector picture", ".csv": "Numbers"}
+FORMATS = ";;".join(f"{words} (*{ending})" for ending, words in ENDINGS.items())
+COPY_KEYS, SAVE_KEYS = "Ctrl+Shift+C", "Ctrl+Shift+S"
+
+
+class PlotMenu(QObject):
+    """Belongs to one window; plots of others are left alone."""
+
+    def __init__(self, window: QWidget, context: ApplicationContext) -> None:
+        super().__init__(window)
+        self._window, self._context = window, context
+        self.menu: QMenu | None = None
+        self.dialog: SavePlotDialog | None = None
+
+    def offer(self, event: QContextMenuEvent) -> bool:
+        """The menu of the plot under the mouse, or of that with the keyboard; False where there is none."""
+        by_key = event.reason() == QContextMenuEvent.Reason.Keyboard
+        plot = plot_at(QApplication.focusWidget() if by_key else self._window.childAt(event.pos()))
+        if plot is None or plot.window() is not self._window:
+            return False
+        self.open(plot, plot.mapToGlobal(plot.rect().center()) if by_key else event.globalPos())
+        return True
+
+    def open(self, plot: QWidget, place: QPoint) -> None:
+        """The plot's menu at a place on the screen."""
+        from ..widgets.plot_export import series_of
+
+        menu = self.menu = QMenu(self._window)
+        menu.setObjectName("plotMenu")
+        menu.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
+        menu.addAction("&Copy as a picture", lambda: self.copy_picture(plot))
+        menu.addAction("Copy &numbers (CSV)", lambda: self.copy_numbers(plot)).setEnabled(
+            bool(series_of(plot))
+        )
+        menu.addSeparator()
+        menu.addAction("&Save as PNG, SVG, PDF or CSV…", lambda: self.ask_and_save(plot))
+        menu.popup(place)
+
+    # what the View menu asks
+
+    def copy_current(self) -> None:
+        """Copy the plot that has the keyboard, or the first of the tab."""
+        plot = self.current()
+        if plot is not None:
+            self.copy_picture(plot)
+
+    def save_current(self) -> None:
+        """Save the plot that has the keyboard, or the first of the tab."""
+        plot = self.current()
+        if plot is not None:
+            self.ask_and_save(plot)
+
+    def current(self) -> QWidget | None:
+        """The plot that has the keyboard; else the topmost of the tab in front."""
+        focus = plot_at(QApplication.focusWidget())
+        if focus is not None and focus.window() is self._window:
+            return focus
+        seen = [w for w in self._window.findChildren(QWidget) if is_plot(w) and w.isVisible()]
+        if not seen:
+            self._context.tell("No plot is shown in this tab.")
+            return None
+        return min(seen, key=lambda w: (w.mapTo(self._window, w.rect().topLeft()).y(), w.x()))
+
+    # what is done
+
+    def copy_picture(self, plot: QWidget) -> None:
+        """The picture to the clipboard."""
+        from ..widgets.plot_export import picture_of
+
+        QGuiApplication.clipboard().setImage(picture_of(plot))
+        self._context.say(f"Copied as a picture: {_words(plot)}")
+
+    def copy_numbers(self, plot: QWidget) -> None:
+        """The numbers to the clipboard, as CSV."""
+        from ..widgets.plot_export import series_of, to_csv
+
+        QGuiApplication.clipboard().setText(to_csv(series_of(plot)))
+        self._context.say(f"Copied as numbers: {_words(plot)}")
+
+    def ask_and_save(self, plot: QWidget) -> None:
+        """Ask how large and how fine, then where; the ending says in which format."""
+        from ..widgets.plot_figure import paper_of
+
+        self.dialog = SavePlotDialog(self._window, paper_of(plot), self._context.settings)
+        self.dialog.accepted.connect(lambda dialog=self.dialog: self.save_as(plot, dialog.paper))
+        self.dialog.open()
+
+    def save_as(self, plot: QWidget, paper: Paper) -> None:
+        """Ask where, and write the plot on ``paper``."""
+        from ..widgets.plot_export import save_plot
+
+        proposed = Path(self._context.settings.folder()) / f"{file_name(paper.title or _words(plot))}.png"
+        name, chosen = QFileDialog.getSaveFileName(self._window, "Save the plot", str(proposed), FORMATS)
+        if not name:
+            return
+        path = Path(name)
+        if not path.suffix and "*" in chosen:
+            path = path.with_suffix(chosen.partition("*")[2].rstrip(")"))
+        try:
+            save_plot(plot, path, paper)
+        except UserError as error:
+            self._context.tell(str(error))
+            return
+        self._context.announce(f"Plot saved: {path}", path)
+
+
+SIZES = {
+    "screen": ("As on the screen", None),
+    "column": ("One column, 85 mm wide", 85.0),
+    "page": ("Text width, 170 mm wide", 170.0),
+}
+"""Of a figure, with its width in mm; journals' usual columns."""
+SMALLEST_MM, LARGEST_MM = 30.0, 1000.0
+DIALOG_WIDTH = 520
+"""Room for a title and for the words of every choice, px."""
+FINENESS = {"192": "192, for the screen", "300": "300, for print", "600": "600, for fine print"}
+
+
+class SavePlotDialog(QDialog):
+    """How large, how fine and under which title a figure is saved; what was chosen last is offered again."""
+
+    def __init__(self, parent: QWidget, shown: Paper, settings: Settings) -> None:
+        super().__init__(parent)
+        self.setObjectName("savePlot")
+        self.setWindowTitle("Save the plot – FingerLab")
+        self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
+        self._shown, self._settings = shown, settings
+        self.title = described(QLineEdit(shown.title), "plotTitle", accessible="Title over the figure")
+        words = {key: title for key, (title, _) in SIZES.items()}
+        self.size_choice = choice("plotSize", words, "Size: of the figure on paper.")
+        self.width_mm = number("plotWidth", shown.width, SMALLEST_MM, LARGEST_MM, 1, 5, "Width in mm.")
+        self.height_mm = number("plotHeight", shown.height, SMALLEST_MM, LARGEST_MM, 1, 5, "Height in mm.")
+        self.fineness = choice("plotDots", FINENESS, "Dots per inch: of a PNG; SVG and PDF are lines.")
+        form = QFormLayout()
+        for label, field in (
+            ("&Title", self.title),
+            ("&Size", self.size_choice),
+            ("&Width, mm", self.width_mm),
+            ("&Height, mm", self.height_mm),
+            ("&Dots per inch (PNG)", self.fineness),
+        ):
+            form.addRow(label, field)
+        buttons = QDialogButtonBox(QDialogButtonBox.StandardButton.Cancel)
+        save = buttons.addButton("&Save…", QDialogButtonBox.ButtonRole.AcceptRole)
+        save.setDefault(True)
+        buttons.accepted.connect(self.accept)
+        buttons.rejected.connect(self.reject)
+        vbox(self, form, buttons, spacing=8)
+        self.setMinimumWidth(DIALOG_WIDTH)
+        self.title.setCursorPosition(0)
+        self.size_choice.currentIndexChanged.connect(self._resize)
+        size, dots = settings.figure()
+        self.size_choice.setCurrentIndex(max(self.size_choice.findData(size), 0))
+        self.fineness.setCurrentIndex(max(self.fineness.findData(dots), 0))
+
+    @property
+    def paper(self) -> Paper:
+        """What was chosen."""
+        dots = float(self.fineness.currentData())
+        return replace(
+            self._shown,
+            width=self.width_mm.value(),
+            height=self.height_mm.value(),
+            dots_per_inch=dots,
+            title=self.title.text().strip(),
+        )
+
+    def accept(self) -> None:
+        self._settings.set_figure(self.size_choice.currentData(), self.fineness.currentData())
+        super().accept()
+
+    def _resize(self) -> None:
+        wide = SIZES[self.size_choice.currentData()][1] or self._shown.width
+        self.width_mm.setValue(wide)
+        self.height_mm.setValue(self._shown.height * wide / self._shown.width)
+
+
+def file_name(title: str) -> str:
+    """A name for the file: the words of a title, without what a file system refuses."""
+    return re.sub(r"[^\w.-]+", "-", title).strip("-.").lower() or "plot"
+
+
+def plot_at(watched: QObject | None) -> QWidget | None:
+    """The plot that an object is, or is inside of."""
+    while isinstance(watched, QWidget):
+        if is_plot(watched):
+            return watched
+        watched = watched.parentWidget()
+    return None
+
+
+def is_plot(widget: QWidget) -> bool:
+    """Of pyqtgraph, where that has been imported, or one that says itself what it shows."""
+    pyqtgraph = sys.modules.get("pyqtgraph")
+    return isinstance(widget, ShowsSeries) or (
+        pyqtgraph is not None and isinstance(widget, pyqtgraph.GraphicsView)
+    )
+
+
+def _words(plot: QWidget) -> str:
+    return plot.accessibleName() or plot.objectName() or "plot"
 
 
 @dataclass(frozen=True)

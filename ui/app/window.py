@@ -1,4 +1,4 @@
-"""The window: rail, header, work area, status bar; opening, dropping and closing; messages; its place.
+"""The window: rail, header, work area, status bar; opening, dropping and closing; its place; small dialogs.
 
 What a tab is and which there are, ``tab_registry.py`` says; what they share, ``context.py``.
 """
@@ -6,16 +6,28 @@ What a tab is and which there are, ``tab_registry.py`` says; what they share, ``
 from __future__ import annotations
 
 from collections.abc import Sequence
+from html import escape
 from pathlib import Path
 
-from PySide6.QtCore import QEvent, QObject, QSize, QTimer, QUrl
-from PySide6.QtGui import QCloseEvent, QContextMenuEvent, QDesktopServices, QDragEnterEvent, QDropEvent
+from PySide6.QtCore import QEvent, QObject, QSize, Qt, QTimer, QUrl, SignalInstance
+from PySide6.QtGui import (
+    QCloseEvent,
+    QContextMenuEvent,
+    QDesktopServices,
+    QDragEnterEvent,
+    QDropEvent,
+    QGuiApplication,
+)
 from PySide6.QtWidgets import (
     QApplication,
+    QDialog,
+    QDialogButtonBox,
     QFileDialog,
     QMainWindow,
     QMessageBox,
+    QPlainTextEdit,
     QStackedWidget,
+    QTextBrowser,
     QWhatsThis,
     QWidget,
 )
@@ -26,17 +38,93 @@ from fingerlab.core.files import seen_as
 from fingerlab.report.documents import FIRST, GLOSSARY
 
 from ..widgets.fields import Complaint
-from ..widgets.layout import FLUSH, Room, as_written, hbox, vbox
+from ..widgets.layout import FLUSH, Room, as_written, described, hbox, vbox
 from ..widgets.theme import apply_appearance
-from . import dialogs, tab_registry
+from . import tab_registry
 from .bars import FrameHeader, MessageBar, StatusBar
-from .context import ApplicationContext, OpenCall, RigLine, read_session
-from .menus import MenuChoices, Menus, WindowCommands
-from .plot_menu import PlotMenu
-from .settings import Settings
+from .context import ApplicationContext, OpenCall, RigLine, Settings, read_session
+from .menus import MenuChoices, Menus, PlotMenu, WindowCommands
 from .stop_guard import StopGuard
 from .tab_registry import Rail, Tab, TabEntry
 from .worker import Failed, Worker
+
+
+def ask_to_run(parent: QWidget, path: Path, content: bytes, changed: bool, what: str) -> bool:
+    """Whether a file that is new, or was changed, may be run; its text can be looked at.
+
+    Args:
+        what: it does, after "It is a program", such as ``it drives the motor, and``.
+    """
+    box = QMessageBox(parent)
+    box.setWindowTitle("FingerLab")
+    why = "has changed since you let it be run" if changed else "has not been run yet"
+    box.setTextFormat(Qt.TextFormat.PlainText)
+    box.setText(
+        f"{path.name} {why}. It is a program: {what} may do all that you may. Run it now and from now on?"
+    )
+    box.setInformativeText(as_written(str(path)))
+    box.setDetailedText(content.decode("utf-8", errors="replace"))
+    run = box.addButton("&Run it", QMessageBox.ButtonRole.AcceptRole)
+    leave = box.addButton("&Leave it", QMessageBox.ButtonRole.RejectRole)
+    box.setDefaultButton(leave)
+    box.exec()
+    return box.clickedButton() is run
+
+
+KeySheet = Sequence[tuple[str, Sequence[tuple[str, str]]]]
+
+GENERAL_KEYS = (("Cancel what is running", "Ctrl+."), ("From field to field", "Tab, Shift+Tab"))
+PLOT_KEYS = (
+    ("Zoom in and out", "+  −"),
+    ("Move", "←  →"),
+    ("Show all", "Home"),
+    ("Copy or save it", "Menu, Shift+F10"),
+)
+
+
+def show_keys(sheet: KeySheet, stop_key: str, parent: QWidget) -> QDialog:
+    """All keys on one sheet; stays open beside the window."""
+    text = described(QTextBrowser(), "keySheet", accessible="Keys")
+    general = (("Stop the motor", "Esc"), ("The same, by a foot switch", stop_key), *GENERAL_KEYS)
+    rows = []
+    for title, entries in (("Everywhere", general), *sheet, ("In a plot", PLOT_KEYS)):
+        rows.append(f'<tr><td colspan="2"><b><br>{escape(title)}</b></td></tr>')
+        rows += [
+            f"<tr><td>{escape(words)}&nbsp;&nbsp;&nbsp;</td><td><b>{escape(key)}</b></td></tr>"
+            for words, key in entries
+        ]
+    text.setHtml(f"<table>{''.join(rows)}</table>")
+    return _show("Keys", text, parent)
+
+
+def show_log(lines: Sequence[str], parent: QWidget, logged: SignalInstance) -> QDialog:
+    """What was said since the window opened, latest at the bottom; ``logged`` brings each new line."""
+    text = QPlainTextEdit("\n".join(lines))
+    text.setPlaceholderText("Nothing has been said yet.")
+    text.setAccessibleName("Log")
+    text.setObjectName("log")
+    text.setReadOnly(True)
+    dialog = _show("Log", text, parent)
+    logged.connect(text.appendPlainText)  # Qt forgets it with the dialog
+    text.verticalScrollBar().setValue(text.verticalScrollBar().maximum())
+    buttons = dialog.findChild(QDialogButtonBox)
+    assert buttons is not None
+    copy = buttons.addButton("&Copy all", QDialogButtonBox.ButtonRole.ActionRole)
+    copy.clicked.connect(lambda: QGuiApplication.clipboard().setText(text.toPlainText()))
+    return dialog
+
+
+def _show(title: str, text: QWidget, parent: QWidget) -> QDialog:
+    dialog = QDialog(parent)
+    dialog.setWindowTitle(f"{title} – FingerLab")
+    dialog.resize(520, 560)
+    buttons = QDialogButtonBox(QDialogButtonBox.StandardButton.Close)
+    buttons.rejected.connect(dialog.close)
+    vbox(dialog, text, buttons, spacing=8)
+    dialog.finished.connect(dialog.deleteLater)
+    dialog.show()
+    return dialog
+
 
 SETTLED_MS = 800
 """So long after the last move: a window that is dragged would else be written with every pixel."""
@@ -148,8 +236,8 @@ class MainWindow(QMainWindow):
             documents=self.show_documents,
             glossary=lambda: self.show_documents(GLOSSARY),
             whats_this=QWhatsThis.enterWhatsThisMode,
-            shortcuts=lambda: dialogs.show_keys(self.menus.keys(self._others()), self.stop_guard.key, self),
-            log=lambda: dialogs.show_log(self.context.log, self, self.context.logged),
+            shortcuts=lambda: show_keys(self.menus.keys(self._others()), self.stop_guard.key, self),
+            log=lambda: show_log(self.context.log, self, self.context.logged),
             about=self._about,
         )
 

@@ -32,11 +32,9 @@ from fingerlab.core.errors import UserError
 from ..app.context import ApplicationContext
 from ..app.tab_registry import SEPARATOR, Command, Tab
 from ..app.worker import Progress
-from ..widgets.labels import header_name
-from .calibration_words import SENSOR_NAMES
-from .measure_page import MeasurePage
-from .result_page import ResultPage
-from .start_page import NO_RIG, StartPage, VoltSource
+from ..widgets.tables import header_name
+from .measure_page import NO_RIG, MeasurePage, StartPage, VoltSource
+from .result_page import SENSOR_NAMES, ResultPage
 
 JOINTS = ("mcp", "pip")
 RECORDINGS = "Recordings (*.txt *.csv *.tsv *.h5 *.hdf5);;All files (*)"

@@ -18,14 +18,14 @@ from fingerlab.thesis.traces import Delay, FitSpec, Method
 from ..app.context import ApplicationContext
 from ..app.tab_registry import SEPARATOR, Command, Tab
 from ..app.worker import IsCancelled, Progress
-from ..widgets.labels import header_name, heading, remark
 from ..widgets.layout import described, hbox, lay_out_invitation, vbox
+from ..widgets.tables import header_name, heading, remark
 from .fit_view import FitResultView
 
 if TYPE_CHECKING:
     from fingerlab.sessions.model import Session
 
-    from .replicate_dialog import ReplicateDialog
+    from .fit_view import ReplicateDialog
 
 METHOD_WORDS: dict[Method, str] = {
     "regions": "four regions",
@@ -125,6 +125,7 @@ NO_SESSION = (
     "Open a session with runs on air. Moment arms, friction losses and delays of both joints will stand "
     "here, with the regions of the motion and the line behind each number."
 )
+FITTING = "Fitting"
 NOT_YET = (
     "Analyse the runs on air: the joints' speeds with their regions, joint torque against cable tension with "
     "the regression line, R² and delay of each run, and a table of the parameters will stand here."
@@ -153,6 +154,9 @@ class FitTab(Tab):
         self.panel.save_asked.connect(self.save)
         self.panel.run_chosen.connect(self.view.show_run)
         self.view.run_wanted.connect(self.panel.run.setCurrentText)
+        self._under_way = ""
+        context.tasks.started.connect(self._on_started)
+        context.tasks.ended.connect(lambda _how: self._on_started(""))
         self.commands = (
             Command("&Analyse the runs on air", self.analyse, "Ctrl+Return", lambda: bool(self.sessions)),
             Command("Next run", lambda: self._step(1), "Alt+Down", lambda: self.found is not None),
@@ -194,11 +198,11 @@ class FitTab(Tab):
                 self.found = found
                 self._refresh()
 
-        self.context.tasks.start(f"Fitting {session.path.name}", work, done, OWNER)
+        self.context.tasks.start(f"{FITTING} {session.path.name}", work, done, OWNER)
 
     def show_replicate(self) -> None:
         """The thesis' experiment on the simulated rig, beside the published numbers."""
-        from .replicate_dialog import ReplicateDialog
+        from .fit_view import ReplicateDialog
 
         if self._replicate is None:
             self._replicate = ReplicateDialog(self.widget)
@@ -238,6 +242,12 @@ class FitTab(Tab):
             OWNER,
         )
 
+    def _on_started(self, title: str) -> None:
+        """Say that the runs are being analysed, where nothing is shown yet."""
+        self._under_way = title if title.startswith(FITTING) else ""
+        if self.found is None:
+            self._refresh()
+
     def _step(self, by: int) -> None:
         box = self.panel.run
         box.setCurrentIndex(min(max(box.currentIndex() + by, 0), box.count() - 1))
@@ -249,8 +259,9 @@ class FitTab(Tab):
         self.panel.analyse.setToolTip("Ctrl+Return" if opened else "No session is open.")
         self.panel.set_ready(found is not None, "There is no fit yet: analyse first.")
         if found is None:
-            self.empty_title.setText("Not analysed yet" if opened else "No session open")
-            self.empty_text.setText(NOT_YET if opened else NO_SESSION)
+            not_yet = self._under_way or "Not analysed yet"
+            self.empty_title.setText(not_yet if opened else "No session open")
+            self.empty_text.setText(("" if self._under_way else NOT_YET) if opened else NO_SESSION)
             self.empty_open.setVisible(not opened)
             self.panel.show_runs((), "")
             self.pages.setCurrentWidget(self.empty)

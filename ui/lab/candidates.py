@@ -30,9 +30,8 @@ from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.report.diagnosis_words import effect_title, in_sentence, listed, suspects
 
 from ..widgets.fields import set_usable
-from ..widgets.labels import WholeLabel
 from ..widgets.layout import FLUSH, Spacer, described, hbox, vbox
-from ..widgets.tables import copies, with_tabs
+from ..widgets.tables import WholeLabel, copies, with_tabs
 from ..widgets.theme import Colours, colours_of, large_font, small_font, tint
 from .result_words import (
     NOTHING,

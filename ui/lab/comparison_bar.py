@@ -15,8 +15,8 @@ from fingerlab.diagnosis.answer.results import EQUATION_TITLES, Comparison, Equa
 from fingerlab.diagnosis.settings import NARROW_CUTOFF_HZ
 from fingerlab.sessions.model import Run, Session
 
-from ..widgets.labels import ElidedLabel
 from ..widgets.layout import FLUSH, as_written, described, hbox
+from ..widgets.tables import ElidedLabel
 from ..widgets.theme import Colours, colours_of, line, small_font, tint
 from .comparison_curves import joined
 from .result_words import FLOOR_HELP, equation_text, error_texts, run_text

@@ -13,10 +13,12 @@ from PySide6.QtWidgets import QWidget
 from fingerlab.diagnosis.answer.results import Comparison, Failure
 from fingerlab.sessions.model import Array
 
-from ..widgets.closer import HELP, CursorPair, LookBox
 from ..widgets.plots import (
+    HELP,
     Cursor,
+    CursorPair,
     DecimatedCurve,
+    LookBox,
     Tints,
     bottom_axis_height,
     colour_plot,

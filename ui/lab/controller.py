@@ -12,7 +12,7 @@ from PySide6.QtCore import QObject, Signal
 
 from fingerlab.core.errors import UserError
 from fingerlab.diagnosis.answer.results import Diagnosis, FirstLook
-from fingerlab.models.project import (
+from fingerlab.models.file import (
     Held,
     ModelKey,
     Project,
@@ -23,14 +23,14 @@ from fingerlab.models.project import (
     with_model,
 )
 from fingerlab.report.diagnosis_words import effect_title, in_sentence, listed
-from fingerlab.report.story import story
+from fingerlab.report.score_words import story
 from fingerlab.sessions.model import Session
 
 from ..app.context import part_of
 from ..app.worker import IsCancelled, Progress, Work, Worker
 
 if TYPE_CHECKING:
-    from fingerlab.diagnosis.answer.at_hand import ParametersAtHand
+    from fingerlab.diagnosis.answer.errors import ParametersAtHand
     from fingerlab.diagnosis.gram.reduction import Reduction
 
 
@@ -46,10 +46,6 @@ class ModelStep:
     def key(self) -> ModelKey:
         """What tells it from the other models."""
         return self.added, self.held
-
-    @property
-    def last_added(self) -> str | None:
-        return self.added[-1] if self.added else None
 
     def change_from(self, before: ModelStep) -> tuple[tuple[str, ...], tuple[str, ...]]:
         """The effects that came in after another step, and those that went out."""
@@ -146,7 +142,7 @@ class SessionDiagnosis:
     ) -> ParametersAtHand:
         """The parameters of a diagnosed model, to be moved; called in the worker, too."""
         from fingerlab.core.progress import Watch
-        from fingerlab.diagnosis.answer.at_hand import ParametersAtHand
+        from fingerlab.diagnosis.answer.errors import ParametersAtHand
 
         return ParametersAtHand(self._reduction(sessions), diagnosis, Watch(progress, cancelled))
 

@@ -10,9 +10,8 @@ from PySide6.QtWidgets import QPushButton, QStackedWidget, QWidget
 
 from fingerlab.core.errors import UserError
 from fingerlab.diagnosis.answer.results import Comparison
-from fingerlab.diagnosis.answer.shapes import full_rate
-from fingerlab.diagnosis.answer.where import Profile, stretches_in, worst_run
-from fingerlab.models.project import View
+from fingerlab.diagnosis.answer.where import Profile, full_rate, stretches_in, worst_run
+from fingerlab.models.file import View
 from fingerlab.report.diagnosis_words import bin_words, not_shown
 from fingerlab.sessions.model import Array
 
@@ -27,7 +26,7 @@ from .evidence import EvidencePanel
 from .lab_frame import BetterModelBanner, StepsColumn
 from .parameters import ParametersPanel
 from .result_words import NOTHING, UNKNOWN, best_choice, equation_text, find_candidate, step_results
-from .score_parts import ScorePartsDialog
+from .side_by_side import ScorePartsDialog
 from .truth import TruthPanel
 from .where import WherePanel
 

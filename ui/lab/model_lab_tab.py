@@ -16,12 +16,11 @@ from fingerlab.diagnosis.answer.results import EQUATION_TITLES
 from ..app.context import ApplicationContext
 from ..app.tab_registry import SEPARATOR, Command, Tab
 from ..app.worker import IsCancelled, Progress
-from . import practice, result_actions
+from . import practice, truth
 from .controller import DiagnoseCall, LabController
-from .lab_frame import STEPS, LabHeader, WaitingPage
-from .result_actions import ResultActions
+from .lab_frame import STEPS, LabHeader, LabStartPage, WaitingPage
 from .result_words import sessions_text
-from .start_page import LabStartPage
+from .truth import ResultActions
 
 if TYPE_CHECKING:
     from fingerlab.sessions.model import Session
@@ -172,12 +171,12 @@ class ModelLabTab(Tab):
     def open_model(self) -> None:
         """Show the open sessions with the effects of a saved model."""
         name, _ = QFileDialog.getOpenFileName(
-            self.widget, "Open a saved model", self.context.settings.folder(), result_actions.MODELS
+            self.widget, "Open a saved model", self.context.settings.folder(), truth.MODELS
         )
         if not name:
             return
         try:
-            self.controller.wanted = result_actions.model_of(Path(name))
+            self.controller.wanted = truth.model_of(Path(name))
         except UserError as error:
             self.context.tell(str(error))
             return
@@ -185,7 +184,7 @@ class ModelLabTab(Tab):
 
     def show_tried(self) -> None:
         """Every model that was tried on these sessions; one can be shown again."""
-        from .project_dialogs import TriedDialog
+        from .side_by_side import TriedDialog
 
         project, history = self.controller.project, self.controller.history
         if project is not None and history is not None:
@@ -195,7 +194,7 @@ class ModelLabTab(Tab):
 
     def show_notes(self) -> None:
         """Notes that are kept with the project."""
-        from .project_dialogs import NotesDialog
+        from .side_by_side import NotesDialog
 
         controller = self.controller
         if controller.project is None:
@@ -329,7 +328,7 @@ class ModelLabTab(Tab):
         path, models = Path(name), [step.diagnosis for step in history.done]
 
         def work(progress: Progress, cancelled: IsCancelled) -> Path:
-            return result_actions.write_page(sessions, path, models, progress, cancelled)
+            return truth.write_page(sessions, path, models, progress, cancelled)
 
         self.context.tasks.start(
             "Writing the report page",

@@ -25,9 +25,9 @@ from PySide6.QtWidgets import (
 
 from fingerlab.core.errors import UserError
 
-from ..app.dialogs import ask_to_run
-from ..widgets.labels import remark
+from ..app.window import ask_to_run
 from ..widgets.layout import Spacer, described, hbox, vbox
+from ..widgets.tables import remark
 
 if TYPE_CHECKING:
     from fingerlab.effects.own import OwnFile

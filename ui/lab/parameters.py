@@ -16,21 +16,20 @@ from PySide6.QtWidgets import QCheckBox, QHeaderView, QPushButton, QSlider, QTab
 
 from fingerlab.core.text import ScreenUnit, fixed, largest_of, score_text
 from fingerlab.diagnosis.answer.results import Comparison, Diagnosis, EquationError
-from fingerlab.models.project import Held
+from fingerlab.models.file import Held
 from fingerlab.report.diagnosis_words import FAMILY_TITLES
 from fingerlab.report.parameter_words import cells, known_by, parameter_title, places_of, shown_unit
 
 from ..app.undo import UndoSteps
 from ..widgets.fields import NumberField, set_usable
-from ..widgets.labels import ElidedLabel, WholeLabel, heading
 from ..widgets.layout import FLUSH, Spacer, described, hbox, vbox
-from ..widgets.tables import NumberTable
+from ..widgets.tables import ElidedLabel, NumberTable, WholeLabel, heading
 from ..widgets.theme import small_font
 from .comparison_curves import joined, run_key
 from .result_words import error_texts
 
 if TYPE_CHECKING:
-    from fingerlab.diagnosis.answer.at_hand import FittedParameter, ParametersAtHand, WhatIf
+    from fingerlab.diagnosis.answer.errors import FittedParameter, ParametersAtHand, WhatIf
 
 STEPS = 1000
 """Places of the slider."""

@@ -34,7 +34,7 @@ from fingerlab.report.diagnosis_words import (
 )
 from fingerlab.report.diagnosis_words import next_experiment_words as next_experiment_words
 from fingerlab.report.documents import meaning
-from fingerlab.rig.constants import changed_words
+from fingerlab.rig.file import changed_words
 from fingerlab.sessions.model import Session
 from fingerlab.sessions.trajectory import trajectory_words
 

@@ -1,38 +1,219 @@
-"""Two models side by side on the same held-out runs: errors, evidence, parameters, and residuals together."""
+"""Dialogs on models tried: their list and notes, two side by side, and what a headline is made of."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pyqtgraph as pg
-from PySide6.QtCore import Signal
+from PySide6.QtCore import Qt, Signal
+from PySide6.QtGui import QFontMetrics
 from PySide6.QtWidgets import (
     QComboBox,
     QDialog,
     QDialogButtonBox,
+    QHeaderView,
     QLabel,
+    QListWidget,
+    QListWidgetItem,
+    QPlainTextEdit,
+    QPushButton,
+    QTableWidgetItem,
     QWidget,
 )
 
 from fingerlab.core.text import ScreenUnit, score_text, screen_unit
 from fingerlab.diagnosis.answer.results import Comparison, Diagnosis
-from fingerlab.models.project import ModelKey
-from fingerlab.report.diagnosis_words import FAMILY_TITLES, PHASE_WORDS
-from fingerlab.report.parameter_words import parameter_title, value_words
-from fingerlab.report.score_words import runs_words
-from fingerlab.report.story import evidence_for
+from fingerlab.models.file import Held, ModelKey, TriedModel
+from fingerlab.report.diagnosis_words import FAMILY_TITLES, PHASE_WORDS, effect_title, in_sentence, listed
+from fingerlab.report.parameter_words import held_words, parameter_title, value_words
+from fingerlab.report.score_words import (
+    ASIDE_HELP,
+    ScoreTable,
+    aside_sentence,
+    evidence_for,
+    runs_words,
+    score_table,
+)
 from fingerlab.sessions.model import Array
 
-from ..widgets.labels import WholeLabel
 from ..widgets.layout import described, hbox, vbox
 from ..widgets.plots import QuietPlot, plain_curve, span_of
 from ..widgets.series import Series
-from ..widgets.tables import NumberTable
+from ..widgets.tables import NumberTable, WholeLabel, heading, remark
 from ..widgets.theme import colours_of, small_font, tint
 from .comparison_curves import largest
-from .project_dialogs import model_words
 from .result_words import equation_text, error_texts
+
+PROJECT_WIDTH, PROJECT_HEIGHT = 560, 380
+
+
+class NotesDialog(QDialog):
+    """Notes on the open sessions. Signal ``noted(text)`` at every change: nothing waits to be saved."""
+
+    noted = Signal(str)
+
+    def __init__(self, parent: QWidget | None, notes: str, place: str) -> None:
+        super().__init__(parent)
+        _prepare(self, "Notes", "projectNotes")
+        self.text = described(QPlainTextEdit(notes), "notesText", accessible="Notes")
+        self.text.setPlaceholderText("What you see, think and plan.")
+        self.text.textChanged.connect(lambda: self.noted.emit(self.text.toPlainText()))
+        close = QDialogButtonBox(QDialogButtonBox.StandardButton.Close)
+        close.rejected.connect(self.reject)
+        vbox(self, (self.text, 1), remark(f"Kept at every letter in {place}."), close, spacing=8)
+
+
+class TriedDialog(QDialog):
+    """Models that were tried, least error first. Signal ``chosen(key)``: one is to be shown again."""
+
+    chosen = Signal(object)
+
+    def __init__(self, parent: QWidget | None, tried: Sequence[TriedModel], now: ModelKey) -> None:
+        super().__init__(parent)
+        _prepare(self, "Models tried", "triedModels")
+        self.models = described(QListWidget(), "triedList", accessible="Models tried, least error first")
+        self._tried = sorted(tried, key=lambda one: one.score)
+        for model in self._tried:
+            here = " (shown now)" if model.key == now else ""
+            item = QListWidgetItem(f"{score_text(model.score)}  {model_words(*model.key)}{here}")
+            item.setToolTip(model.evidence)
+            self.models.addItem(item)
+        self.models.itemActivated.connect(self._show_chosen)
+        self.models.setCurrentRow(0)
+        buttons = QDialogButtonBox(QDialogButtonBox.StandardButton.Close)
+        self.show_button = QPushButton("&Show it again")
+        buttons.addButton(self.show_button, QDialogButtonBox.ButtonRole.ActionRole)
+        self.show_button.clicked.connect(self._show_chosen)
+        buttons.rejected.connect(self.reject)
+        help_text = remark("Error on runs left out of the fit (in floors), and what was added.")
+        vbox(self, help_text, (self.models, 1), buttons, spacing=8)
+
+    def _show_chosen(self) -> None:
+        row = self.models.currentRow()
+        if row >= 0:
+            self.chosen.emit(self._tried[row].key)
+            self.accept()
+
+
+def model_words(added: Sequence[str], held: Held = ()) -> str:
+    """A model in words."""
+    names = [in_sentence(effect_title(effect)) for effect in added]
+    model = f"nominal model with {listed(names)}" if names else "nominal model"
+    return ", ".join(filter(None, (model, held_words(dict(held)))))
+
+
+def _prepare(dialog: QDialog, title: str, name: str) -> None:
+    dialog.setWindowTitle(f"{title} – FingerLab")
+    dialog.setObjectName(name)
+    dialog.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
+    dialog.resize(PROJECT_WIDTH, PROJECT_HEIGHT)
+
+
+SCORE_WIDTH, SCORE_HEIGHT = 960, 560
+ROOM = 8
+"""About the words of a row, px."""
+FLOOR_ROW, SQUARED_ROW = "The floor", "Squared error"
+LEFT = Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter
+RIGHT = Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
+STRONGEST = 0.45
+"""Tint of a cell that is the whole of what is missed."""
+
+
+class ScorePartsDialog(QDialog):
+    """A table that adds up. Signal ``part_chosen(equation, run)``: a click on a part asks for its curves."""
+
+    part_chosen = Signal(str, str)
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setObjectName("scoreParts")
+        self.setWindowTitle("What the error is made of – FingerLab")
+        self.resize(SCORE_WIDTH, SCORE_HEIGHT)
+        self.title = heading()
+        self.words = described(WholeLabel(), "scorePartsWords", font=small_font())
+        self.table = NumberTable("scoreTable", "Parts of the squared error", ())
+        self.table.setSelectionBehavior(NumberTable.SelectionBehavior.SelectItems)
+        self.table.setWordWrap(False)  # a row is a line; what is cut is whole in its tooltip
+        self.table.verticalHeader().setDefaultSectionSize(QFontMetrics(small_font()).height() + ROOM)
+        self.table.cellClicked.connect(self._choose)
+        self.table.cellActivated.connect(self._choose)
+        self._told: ScoreTable | None = None
+        close = QDialogButtonBox(QDialogButtonBox.StandardButton.Close)
+        close.rejected.connect(self.reject)
+        hint = remark("Click a number to see its curves. Ctrl+C copies the table, or what is chosen of it.")
+        vbox(self, self.title, self.words, (self.table, 1), hint, close, spacing=8)
+
+    def show_diagnosis(self, diagnosis: Diagnosis) -> None:
+        """The parts of another model's error."""
+        self._told = told = score_table(diagnosis)
+        self.title.setText(f"The error is {score_text(diagnosis.score)} times the floor")
+        if told is None:
+            self.words.setText("It is not known of what: no run could be left out of the fit.")
+            self.table.setVisible(False)
+            return
+        self.words.setText(
+            f"Its square, {told.squared}, is the sum of {told.floor} for the floor and of what each equation "
+            f"misses beyond it in the runs of each motion: every number below, {told.together} together. "
+            f"{aside_sentence(diagnosis)}"
+        )
+        self._fill(told)
+        self.table.setVisible(True)
+
+    def _fill(self, told: ScoreTable) -> None:
+        columns = [
+            ("Runs", "Runs that were told the same motion."),
+            ("Samples", "Their share of all samples that are judged."),
+            *(
+                (title, f"What the equation of the {title[:1].lower()}{title[1:]} adds.")
+                for title in told.titles
+            ),
+            ("Together", "What these runs add."),
+            ("Left aside", "\n".join(ASIDE_HELP.values())),
+        ]
+        self.table.set_columns(columns)
+        rows = [(row.title, row.samples, *row.cells, row.together, row.aside) for row in told.rows]
+        blank = [""] * (len(told.equations) + 1)
+        rows += [("All runs", "", *told.sums, told.together, "")]
+        rows += [(FLOOR_ROW, *blank, told.floor, ""), (SQUARED_ROW, *blank, told.squared, "")]
+        self.table.setRowCount(len(rows))
+        largest = max((_number(cell) for row in told.rows for cell in row.cells), default=0.0)
+        colour = colours_of(self).residual
+        for place, row in enumerate(rows):
+            for column, text in enumerate(row):
+                item = QTableWidgetItem(text)
+                words = column in (0, len(row) - 1)
+                item.setTextAlignment(LEFT if words else RIGHT)
+                part = place < len(told.rows) and 2 <= column < 2 + len(told.equations)
+                if part and largest > 0 and _number(text) > 0:
+                    item.setBackground(tint(colour, STRONGEST * _number(text) / largest))
+                if place >= len(told.rows):
+                    font = item.font()
+                    font.setBold(True)
+                    item.setFont(font)
+                item.setToolTip(text if words else "")
+                self.table.setItem(place, column, item)
+        last = self.table.horizontalHeaderItem(len(columns) - 1)
+        assert last is not None
+        last.setTextAlignment(LEFT)
+        header = self.table.horizontalHeader()
+        header.setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
+        header.setSectionResizeMode(len(columns) - 1, QHeaderView.ResizeMode.Stretch)
+
+    def _choose(self, row: int, column: int) -> None:
+        told = self._told
+        if told is None or row >= len(told.rows):
+            return
+        equations = told.equations
+        parts = [_number(cell) for cell in told.rows[row].cells]
+        own = 2 <= column < 2 + len(equations)
+        place = column - 2 if own else max(range(len(parts)), key=parts.__getitem__)
+        self.part_chosen.emit(equations[place], told.rows[row].runs[0])
+
+
+def _number(text: str) -> float:
+    return float(text) if text else 0.0
+
 
 WIDTH, HEIGHT = 900, 680
 COLUMNS = (

@@ -12,8 +12,7 @@ from PySide6.QtWidgets import QComboBox, QLabel, QStackedWidget, QWidget
 
 from fingerlab.core.text import ScreenUnit, largest_of, screen_unit
 from fingerlab.diagnosis.answer.results import Comparison
-from fingerlab.diagnosis.answer.shapes import SHAPES, Shape
-from fingerlab.diagnosis.answer.where import COORDINATES, Profile, most_orderly, profile
+from fingerlab.diagnosis.answer.where import COORDINATES, SHAPES, Profile, Shape, most_orderly, profile
 from fingerlab.report.diagnosis_words import (
     PHASE_WORDS,
     axis_title,
@@ -25,10 +24,10 @@ from fingerlab.report.diagnosis_words import (
 )
 from fingerlab.sessions.model import Array
 
-from ..widgets.labels import ElidedLabel, remark
 from ..widgets.layout import FLUSH, hbox, vbox
 from ..widgets.plots import QuietPlot, plain_curve, span_of
 from ..widgets.series import Series
+from ..widgets.tables import ElidedLabel, remark
 from ..widgets.theme import colours_of, line, tint
 from .comparison_bar import CURVES, WHERE, LegendKey, LegendKeys
 from .result_words import FLOOR_HELP, equation_text

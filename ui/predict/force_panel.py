@@ -1,13 +1,16 @@
-"""Which models and which run the Predict tab shows, and how well each model tells the force."""
+"""Which models and which run the Predict tab shows, how well each tells the force; saved ones compared."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtGui import QIcon
 from PySide6.QtWidgets import (
     QComboBox,
+    QDialog,
+    QDialogButtonBox,
     QHeaderView,
     QLabel,
     QListWidget,
@@ -18,15 +21,47 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from fingerlab.core.text import fixed, r2_text
-from fingerlab.prediction.beside import RunForce
+from fingerlab.core.text import fixed, r2_text, score_text
+from fingerlab.prediction.comparing import RunForce
+from fingerlab.report.page_tables import COMPARED_COLUMNS, compared_rows, judged_as_they_stand
 from fingerlab.thesis.prediction import FORCE_PHASES
 
-from ..widgets.labels import heading, remark
-from ..widgets.layout import described
-from ..widgets.tables import FramedTicks, NumberTable
+from ..widgets.layout import described, vbox
+from ..widgets.tables import FramedTicks, NumberTable, WholeLabel, heading, remark
 from ..widgets.theme import colours_of, small_font
 from .force_plots import ModelLine, ShownForces, model_line, sample
+
+if TYPE_CHECKING:
+    from fingerlab.prediction.comparing import ModelComparison
+
+WIDTH, HEIGHT = 900, 360
+
+
+class ModelsDialog(QDialog):
+    """What ``fingerlab compare`` prints."""
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setObjectName("comparedModels")
+        self.setWindowTitle("Models compared – FingerLab")
+        self.resize(WIDTH, HEIGHT)
+        self.words = described(WholeLabel(), "comparedWords", font=small_font())
+        self.table = NumberTable("comparedTable", "Models on runs left out", COMPARED_COLUMNS, words=2)
+        close = QDialogButtonBox(QDialogButtonBox.StandardButton.Close)
+        close.rejected.connect(self.reject)
+        hint = remark(
+            "Every run is judged by values that have not seen it, in floors of the best model; Ctrl+C copies "
+            "the table."
+        )
+        vbox(self, self.words, (self.table, 1), hint, close, spacing=8)
+
+    def show_comparison(self, found: ModelComparison) -> None:
+        """Show models that were compared."""
+        best = min(found.models, key=lambda one: one.score)
+        said = f"{found.session.name}: {best.name} leaves least, {score_text(best.score)} times its floor."
+        self.words.setText(f"{said} {judged_as_they_stand(found)}")
+        self.table.show_rows(compared_rows(found), stretched=1)
+
 
 PANEL_WIDTH = 280
 NAME_ROLE = Qt.ItemDataRole.UserRole

@@ -12,11 +12,10 @@ from PySide6.QtGui import QColor, QIcon, QKeyEvent, QPainter, QPen, QPixmap
 from PySide6.QtWidgets import QWidget
 
 from fingerlab.core.text import NEWTON, UNITLESS, fixed, r2_text
-from fingerlab.prediction.beside import RunForce
+from fingerlab.prediction.comparing import RunForce
 from fingerlab.sessions.model import Array
 
-from ..widgets.closer import HELP, CursorPair, LookBox
-from ..widgets.plots import QuietPlot, move_by_key, plain_curve, span_of
+from ..widgets.plots import HELP, CursorPair, LookBox, QuietPlot, move_by_key, plain_curve, span_of
 from ..widgets.theme import Colours, colours_of, tint
 
 PATTERNS = (

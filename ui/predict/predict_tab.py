@@ -18,19 +18,18 @@ from ..app.tab_registry import Command, Tab
 from ..app.undo import UndoSteps
 from ..app.worker import IsCancelled, Progress
 from ..widgets.fields import ViewChoice
-from ..widgets.labels import ElidedLabel, header_name, heading, remark
 from ..widgets.layout import FLUSH, Panes, described, hbox, lay_out_invitation, vbox
+from ..widgets.tables import ElidedLabel, header_name, heading, remark
 from ..widgets.theme import small_font
 from .force_panel import PANEL_WIDTH, ForceTable, PredictPanel
 from .force_plots import ForcePlot, PeriodPlot, SweepPlot
 from .wanted_force import WantedView
 
 if TYPE_CHECKING:
-    from fingerlab.prediction.beside import Beside
-    from fingerlab.prediction.comparing import ModelComparison
+    from fingerlab.prediction.comparing import Beside, ModelComparison
     from fingerlab.sessions.model import Session
 
-    from .models_dialog import ModelsDialog
+    from .force_panel import ModelsDialog
 
 MODEL_FILTER = "Model files (*.json)"
 OWNER = "predict"
@@ -47,6 +46,7 @@ VIEWS = (
     ("measured", "&Measured force", "Forces by the models beside the load cell (Alt+1)."),
     ("wanted", "&Wanted force", "The other way round: the torque that a wanted force needs (Alt+2)."),
 )
+PREDICTING = "Predicting the force in"
 WAITS = "A session with contact runs is needed to predict with {files}."
 
 
@@ -74,6 +74,9 @@ class PredictTab(Tab):
         context.model_handed.connect(lambda model, name: self._predict({**self.models, name: model}))
         self.panel.remove_asked.connect(self.remove)
         self.panel.changed.connect(self._show_choice)
+        self._under_way = ""
+        context.tasks.started.connect(self._on_started)
+        context.tasks.ended.connect(lambda _how: self._on_started(""))
         self.commands = (
             Command("&Add model files…", self.ask_and_add, "Ctrl+M"),
             Command("Com&pare on runs left out…", self.compare, None, self._comparable),
@@ -210,7 +213,7 @@ class PredictTab(Tab):
         self._due = False
 
         def work(progress: Progress, cancelled: IsCancelled) -> Beside:
-            from fingerlab.prediction.beside import predict_beside
+            from fingerlab.prediction.comparing import predict_beside
 
             return predict_beside(opened[0], given, progress)
 
@@ -221,7 +224,13 @@ class PredictTab(Tab):
                 self.models, self.found = given, found
                 self._refresh()
 
-        self.context.tasks.start(f"Predicting the force in {opened[0].path.name}", work, done, OWNER)
+        self.context.tasks.start(f"{PREDICTING} {opened[0].path.name}", work, done, OWNER)
+
+    def _on_started(self, title: str) -> None:
+        """Say that the force is being predicted, where none is shown yet."""
+        self._under_way = title if title.startswith(PREDICTING) else ""
+        if self.found is None:
+            self._refresh()
 
     def _comparable(self) -> bool:
         return bool(self.sessions) and any(one.method == DIAGNOSIS_METHOD for one in self.models.values())
@@ -246,7 +255,7 @@ class PredictTab(Tab):
 
     def show_comparison(self, found: ModelComparison) -> None:
         """Show models that were compared."""
-        from .models_dialog import ModelsDialog
+        from .force_panel import ModelsDialog
 
         if self._compared is None:
             self._compared = ModelsDialog(self.widget)
@@ -267,9 +276,10 @@ class PredictTab(Tab):
         if found is None:
             waits = bool(self.models)
             no_force = "No force predicted" if waits else "No model yet"
-            self.empty_title.setText(no_force if opened else "No session open")
+            self.empty_title.setText((self._under_way or no_force) if opened else "No session open")
             text = WAITS.format(files=", ".join(self.models)) if waits else NO_MODEL
-            self.empty_text.setText(text if opened or waits else NO_SESSION)
+            text = text if opened or waits else NO_SESSION
+            self.empty_text.setText("" if opened and self._under_way else text)
             self.empty_open.setVisible(not opened)
             self.panel.show_models((), (), ())
             self.pages.setCurrentIndex(0)

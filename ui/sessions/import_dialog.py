@@ -29,19 +29,17 @@ from PySide6.QtWidgets import (
 from fingerlab.core.errors import UserError
 from fingerlab.core.text import ScreenUnit, largest_of, screen_unit
 from fingerlab.report.diagnosis_words import PHASE_WORDS
-from fingerlab.sessions.format import CABLES, CHANNEL_UNITS, PHASES
-from fingerlab.sessions.model import Array
+from fingerlab.sessions.model import CABLES, CHANNEL_UNITS, PHASES, Array
 
 from ..widgets.fields import NumberField, choice, set_usable
-from ..widgets.labels import remark
 from ..widgets.layout import Spacer, as_written, described, hbox, vbox
 from ..widgets.plots import DecimatedCurve, QuietPlot, span_of
-from ..widgets.tables import NumberTable
+from ..widgets.tables import NumberTable, remark
 from ..widgets.theme import colours_of, tint
 from .review_data import CHANNELS
 
 if TYPE_CHECKING:
-    from fingerlab.rig.constants import Rig
+    from fingerlab.rig.file import Rig
     from fingerlab.sessions.importing import ImportPlan, TextRun
     from fingerlab.sessions.mapping import Axis, Column, Table
 

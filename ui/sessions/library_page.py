@@ -22,11 +22,10 @@ from PySide6.QtWidgets import (
 from fingerlab.core.errors import UserError
 from fingerlab.library.index import SessionFacts, text_list
 from fingerlab.library.notes import FILE_NAME, HELP, Note, Verdict, matches
-from fingerlab.library.pyramid import Thumbnail
+from fingerlab.library.reviewing import Thumbnail
 
-from ..widgets.labels import ElidedLabel, heading, remark
 from ..widgets.layout import FLUSH, described, hbox, vbox
-from ..widgets.tables import ColumnKeeper, copies
+from ..widgets.tables import ColumnKeeper, ElidedLabel, copies, heading, remark
 from .session_table import (
     LENGTH,
     MOTOR,
@@ -40,11 +39,13 @@ from .session_table import (
     SessionTable,
     ThumbnailDelegate,
     Thumbnails,
+    clock_time,
+    duration,
+    verdict_text,
 )
-from .session_words import clock_time, duration, verdict_text
 
 if TYPE_CHECKING:
-    from ..app.settings import Settings
+    from ..app.context import Settings
 
 DETAILS_WIDTH = 272
 
@@ -238,7 +239,7 @@ class LibraryPage(QWidget):
         self.details = DetailsPanel()
         self.folder = ElidedLabel()
         self.folder.setObjectName("libraryFolder")
-        self.choose = QPushButton("Choose &folder…")
+        self.choose = QPushButton("Ch&oose folder…")
         self.choose.setObjectName("chooseFolder")
         self.texts = QPushButton("&Import table…")
         self.texts.setObjectName("importText")

@@ -12,8 +12,16 @@ import numpy as np
 from PySide6.QtCore import QObject, Signal
 
 from fingerlab.core.text import DEGREE, MILLI_NEWTON_METRE, NEWTON, ScreenUnit, fixed
-from fingerlab.library.pyramid import BASE, MOST_SAMPLES, Pyramid, fill
-from fingerlab.library.reviewing import broken_at_gaps, fold, load_between, values_at
+from fingerlab.library.reviewing import (
+    BASE,
+    MOST_SAMPLES,
+    Pyramid,
+    broken_at_gaps,
+    fill,
+    fold,
+    load_between,
+    values_at,
+)
 from fingerlab.sessions.model import Array, Run, Session
 
 from ..app.worker import IsCancelled, Progress, Worker
@@ -96,7 +104,7 @@ MARGIN = 1.0
 
 @dataclass
 class Layer:
-    """Attributes: number: 0 for the run under review, else that of its line (``overlays.py``).
+    """Attributes: number: 0 for the run under review, else that of its line (``review_pane.py``).
     shift: s, added to the run's time on the screen. samples: read last, with ``time``; version: counts how
     often there were others. name: as the legend has it.
     """

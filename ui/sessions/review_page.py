@@ -22,16 +22,15 @@ from fingerlab.library.reviewing import Cycles, markers_of, period_of
 from fingerlab.sessions.model import Array, Run, Session
 
 from ..widgets.free_plots import FreePlots, PlotsButton
-from ..widgets.labels import ElidedLabel, remark
 from ..widgets.layout import FLUSH, described, vbox
-from .overlays import Overlays
+from ..widgets.tables import ElidedLabel, remark
 from .review_data import CHANNELS, PANES, Layer, ReviewChannel, ReviewData
-from .review_pane import clock_text
+from .review_pane import Overlays, clock_text
 from .review_plots import ReviewPlots
-from .session_words import duration, run_words
+from .session_table import duration, run_words
 
 if TYPE_CHECKING:
-    from ..app.settings import Settings
+    from ..app.context import Settings
 
 CURSOR_MS = 60
 FREE_MS = 200
@@ -74,13 +73,13 @@ class ReviewPage(QWidget):
         )
         self.cursors = _switch("reviewCursors", "&Cursors", "Two cursors to drag, with differences (Ctrl+K).")
         self.heights = _switch(
-            "heights", "Fit &heights", "Scale each plot to what is seen of it, not to the run."
+            "heights", "Fi&t heights", "Scale each plot to what is seen of it, not to the run."
         )
         self.free = FreePlots(
             FREE_CHANNELS, {spec.title: spec.title for spec in PANES}, ("motor_torque", "motor_position")
         )
         self.arrange = PlotsButton(self.free)
-        self.cut = _button("cut", "Cu&t…", "What lies between the cursors as a session of its own.")
+        self.cut = _button("cut", "C&ut…", "What lies between the cursors as a session of its own.")
         self.values = described(ElidedLabel(), "reviewValues", accessible="At the cursors")
         self.state = remark(wrap=False)
         self.state.setObjectName("reviewState")

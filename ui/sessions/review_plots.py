@@ -17,9 +17,8 @@ from fingerlab.sessions.model import Array
 
 from ..widgets.plots import bottom_axis_height, colour_plot, label_left, move_by_key, prepare_plot
 from ..widgets.theme import colours_of, line
-from .overlays import over_pen
 from .review_data import CHANNELS, MARGIN, PANES, Layer, PaneSpec, limits_of
-from .review_pane import RUN_TIME, ClockAxis, ReviewPane
+from .review_pane import RUN_TIME, ClockAxis, ReviewPane, over_pen
 
 AXIS_WIDTH = 64
 SHORTEST_VIEW = 0.02

@@ -1,27 +1,253 @@
-"""New files from sessions and from text: cut, merged, exported, copied with tags, imported."""
+"""What is done to the files of a folder: cut, merged, exported, imported, diagnosed; and undone."""
 
 from __future__ import annotations
 
+import os
+import shutil
+import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
-from PySide6.QtCore import QObject, Signal
-from PySide6.QtWidgets import (
-    QFileDialog,
-    QWidget,
-)
+from PySide6.QtCore import QFile, QObject, QStandardPaths, Signal
+from PySide6.QtWidgets import QFileDialog, QWidget
 
 from fingerlab.core.errors import UserError
-from fingerlab.library.cutting import RunStretch, cut_session, merge_sessions
-from fingerlab.library.index import SessionFacts
+from fingerlab.library.index import RunStretch, SessionFacts, cut_session, merge_sessions
 from fingerlab.library.notes import Note
-from fingerlab.sessions.copying import copy_session
+from fingerlab.sessions.exporting import copy_session
 from fingerlab.sessions.model import Run, Session
 
+from ..app.bars import time_left
 from ..app.context import ApplicationContext, read_session
-from ..app.worker import IsCancelled, Progress
+from ..app.undo import UndoSteps
+from ..app.worker import Failed, IsCancelled, Progress, Worker
 from .import_dialog import TABLE_ENDINGS, ImportDialog
+
+if TYPE_CHECKING:
+    from fingerlab.batch.run import BatchResult
+
+
+class Gone(UserError):
+    """What was done can never be taken back any more, or never be done again."""
+
+
+class Edit(Protocol):
+    """Something that was done and can be taken back; ``words`` name it in the status line."""
+
+    @property
+    def words(self) -> str: ...
+
+    def undo(self) -> None: ...
+
+    def redo(self) -> None: ...
+
+
+@dataclass(frozen=True)
+class NoteEdit:
+    """Other tags and notes of a session. ``write`` puts a note down and shows it."""
+
+    facts: SessionFacts
+    before: Note
+    after: Note
+    write: Callable[[SessionFacts, Note], None]
+
+    @property
+    def words(self) -> str:
+        return f"tags and notes of {self.facts.name}"
+
+    def undo(self) -> None:
+        self.write(self.facts, self.before)
+
+    def redo(self) -> None:
+        self.write(self.facts, self.after)
+
+
+class FileEdit:
+    """A new session file. To undo it is to move it to the desktop's trash, from where it comes back.
+
+    Args:
+        in_use: whether a file is open in the window now.
+    """
+
+    def __init__(self, path: Path, in_use: Callable[[Path], bool]) -> None:
+        self.path = path
+        self._in_use = in_use
+        self._stamp = _stamp(path)
+        self._in_trash: Path | None = None
+
+    @property
+    def words(self) -> str:
+        return f"new file {self.path.name}"
+
+    def undo(self) -> None:
+        if self._in_use(self.path):
+            raise UserError(f"{self.path} is open; close it before its making is undone.")
+        if _stamp(self.path) != self._stamp:
+            raise Gone(f"{self.path} was changed or moved since it was written; nothing was undone.")
+        _make_room_for_trash()
+        file = QFile(str(self.path))
+        if not file.moveToTrash():
+            # Gone: a disk without a trash has none later either, and would bar the way to older steps.
+            raise Gone(
+                f"{self.path} stays, for there is no trash that it can be moved to (a network folder or a "
+                "memory card may have none); delete it in the file manager if it is not wanted."
+            )
+        self._in_trash = Path(file.fileName()) if file.fileName() else None
+
+    def redo(self) -> None:
+        kept = self._in_trash
+        if kept is None or not kept.is_file():
+            raise Gone(f"{self.path.name} is not in the trash any more; make it again.")
+        if self.path.exists():
+            raise UserError(f"{self.path} is there already; nothing was brought back over it.")
+        try:
+            shutil.move(kept, self.path)
+        except OSError as error:
+            raise UserError(
+                f"{self.path} cannot be brought back from the trash ({error.strerror})."
+            ) from None
+        # On Linux the trash keeps a line beside each file on where it came from.
+        (kept.parent.parent / "info" / f"{kept.name}.trashinfo").unlink(missing_ok=True)
+        self._stamp = _stamp(self.path)
+
+
+class EditHistory(UndoSteps[Edit]):
+    """Steps are edits, which undo and redo themselves."""
+
+    def undo(self) -> str:
+        """Take the last thing back; returns its words.
+
+        Raises:
+            UserError: why it cannot be taken back now; it may be tried again, unless it is :class:`Gone`.
+        """
+        return self._step(self._done, self._undone, lambda edit: edit.undo())
+
+    def redo(self) -> str:
+        """The opposite of :meth:`undo`, with the same errors."""
+        return self._step(self._undone, self._done, lambda edit: edit.redo())
+
+    def _step(self, source: list[Edit], target: list[Edit], do: Callable[[Edit], None]) -> str:
+        edit = source[-1]
+        try:
+            do(edit)
+            target.append(edit)
+        except Gone:
+            source.remove(edit)
+            raise
+        else:
+            source.remove(edit)
+        finally:
+            self.changed.emit()
+        return edit.words
+
+
+def _make_room_for_trash() -> None:
+    """The folder in which Linux keeps the trash; where it is missing, as for a new user, Qt makes none."""
+    place = QStandardPaths.writableLocation(QStandardPaths.StandardLocation.GenericDataLocation)
+    with suppress(OSError):
+        Path(place).mkdir(parents=True, exist_ok=True)
+
+
+def _stamp(path: Path) -> tuple[int, int] | None:
+    """Size and time of a file; None where there is none."""
+    try:
+        found = path.stat()
+    except OSError:
+        return None
+    return found.st_size, found.st_mtime_ns
+
+
+Row = dict[str, Any]
+BatchCall = Callable[[Path, Callable[[Row], None], int, Progress, IsCancelled], "tuple[BatchResult, Path]"]
+
+
+def diagnose_all(
+    folder: Path, found: Callable[[Row], None], processes: int, progress: Progress, cancelled: IsCancelled
+) -> tuple[BatchResult, Path]:
+    """What ``fingerlab batch`` does, with a table beside the sessions; in the background.
+
+    Raises:
+        UserError: there is no session, or the table cannot be written. Cancelled: it was stopped.
+    """
+    from fingerlab.batch.run import locally, run_batch, table_beside
+    from fingerlab.batch.table import Options
+    from fingerlab.effects import CATALOGUE, own
+
+    table = table_beside(folder)
+    options = Options((), own.trusted_sources(CATALOGUE))
+    runner = locally(processes, cancelled)
+    return run_batch(folder, table, options, runner, False, progress, cancelled, found), table
+
+
+class BatchControl(QObject):
+    """One batch at a time.
+
+    Signals:
+        found(row): one more session was diagnosed, or could not be.
+        told(words): how far it is; empty when it is over.
+        ended(BatchResult, Path): all were done; the table holds them. stopped(): it was stopped.
+        failed(Failed).
+    """
+
+    found = Signal(object)
+    told = Signal(str)
+    ended = Signal(object, object)
+    stopped = Signal()
+    failed = Signal(object)
+
+    def __init__(self, parent: QObject | None = None, call: BatchCall = diagnose_all) -> None:
+        super().__init__(parent)
+        self.call = call
+        self.folder = Path()
+        self.clock: Callable[[], float] = time.monotonic
+        self._worker = Worker(self)
+        self._began = 0.0
+        self._worker.progressed.connect(self._on_progress)
+        self._worker.failed.connect(self._on_failed)
+        self._worker.ended.connect(self._on_ended)
+
+    @property
+    def busy(self) -> bool:
+        """Whether a folder is being diagnosed."""
+        return self._worker.busy
+
+    def start(self, folder: Path, beside_rig: bool) -> None:
+        """Diagnose all that no table of this folder holds yet.
+
+        Args:
+            beside_rig: a rig is connected; then one diagnosis at a time, and every one gives way to its loop.
+        """
+        self.folder, self._began = folder, self.clock()
+        processes = 1 if beside_rig else max((os.cpu_count() or 1) - 1, 1)
+
+        def work(progress: Progress, cancelled: IsCancelled) -> tuple[BatchResult, Path]:
+            return self.call(folder, self.found.emit, processes, progress, cancelled)
+
+        self._worker.start("Diagnosing", work, lambda done: self.ended.emit(*done))
+        self.told.emit("Diagnosing …")
+
+    def stop(self) -> None:
+        """End it; what is done is kept, and the next one goes on there."""
+        self._worker.cancel()
+
+    def shut_down(self) -> None:
+        self._worker.shut_down()
+
+    def _on_progress(self, share: float, what: str) -> None:
+        left = time_left(share, self.clock() - self._began)
+        self.told.emit(f"Diagnosing: {what}{f', {left}' if left else ''}")
+
+    def _on_failed(self, failed: Failed) -> None:
+        self.failed.emit(failed)
+
+    def _on_ended(self, how: str) -> None:
+        self.told.emit("")
+        if how == "stopped":
+            self.stopped.emit()
+
 
 if TYPE_CHECKING:
     pass

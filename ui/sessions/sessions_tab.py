@@ -21,22 +21,19 @@ from ..app.bars import time_left
 from ..app.context import ApplicationContext, read_session
 from ..app.tab_registry import SEPARATOR, Command, Tab
 from ..app.worker import Failed, IsCancelled, Progress, Worker
-from ..widgets.labels import header_name
-from .batch_control import BatchControl
-from .edit_history import EditHistory, FileEdit, NoteEdit
+from ..widgets.tables import header_name
 from .import_dialog import TABLE_ENDINGS
 from .library_page import LibraryPage
 from .review_data import ReviewData
-from .session_files import FORMATS, Writer
+from .session_files import FORMATS, BatchControl, EditHistory, FileEdit, NoteEdit, Writer
 from .session_table import Thumbnails
 
 if TYPE_CHECKING:
     from fingerlab.batch.run import BatchResult
     from fingerlab.signals.run_pairs import SessionPair
 
-    from .pairs_dialog import PairsDialog
     from .review_page import ReviewPage
-    from .trend_dialog import TrendDialog
+    from .trend_dialog import PairsDialog, TrendDialog
 
 
 @dataclass(frozen=True)
@@ -478,7 +475,7 @@ class SessionsTab(Tab):
 
     def show_pair(self, found: SessionPair) -> None:
         """Show two sessions that were compared run by run."""
-        from .pairs_dialog import PairsDialog
+        from .trend_dialog import PairsDialog
 
         if self._pairs is None:
             self._pairs = PairsDialog(self.widget)

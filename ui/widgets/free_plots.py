@@ -18,12 +18,12 @@ from fingerlab.core.text import ScreenUnit
 from fingerlab.sessions.model import Array
 
 from .fields import choice, form_menu
-from .labels import remark
 from .layout import FLUSH, described, hbox, vbox
 from .series import envelope
+from .tables import remark
 
 if TYPE_CHECKING:
-    from ..app.settings import Settings
+    from ..app.context import Settings
 
 TIME, FREQUENCY = "time", "frequency"
 """What a channel can be drawn over besides another channel."""
@@ -61,8 +61,7 @@ class FreePlot(QWidget):
     removed = Signal(object)
 
     def __init__(self, number: int, channels: Mapping[str, Channel], up: str, across: str) -> None:
-        from .closer import HELP, LookBox
-        from .plots import QuietPlot
+        from .plots import HELP, LookBox, QuietPlot
 
         super().__init__()
         self.up = choice(f"freeUp{number}", {}, "Drawn: the channel of the upright axis.")

@@ -24,7 +24,7 @@ from PySide6.QtWidgets import (
 )
 
 if TYPE_CHECKING:
-    from ..app.settings import Settings
+    from ..app.context import Settings
 
 
 def as_written(text: str) -> str:

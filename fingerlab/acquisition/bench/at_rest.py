@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from fingerlab.acquisition.bench.steering import LoopSettings
 from fingerlab.acquisition.control.believing import SENSORS, window_fault
 from fingerlab.acquisition.control.machine import Initialise, MoveByHand, Tare, TryOutput
+from fingerlab.acquisition.control.position import Zeros
 from fingerlab.acquisition.control.safety import Reading
-from fingerlab.acquisition.control.units import Zeros
 from fingerlab.acquisition.status import Number, SharedStatus, Slot
 from fingerlab.devices.protocol import Device, MovedByHand, OutputReadBack, cycles_per_command
 from fingerlab.rig.daq import Limits

@@ -30,14 +30,13 @@ from fingerlab.acquisition.control.machine import (
     SetUp,
     Start,
 )
-from fingerlab.acquisition.control.position import Gains
-from fingerlab.acquisition.control.units import BenchUnits
+from fingerlab.acquisition.control.position import BenchUnits, Gains
 from fingerlab.acquisition.ring import COLUMN
 from fingerlab.acquisition.status import Input, Slot
 from fingerlab.core.errors import UserError
 from fingerlab.devices.protocol import LINES, RAW_CHANNELS
-from fingerlab.rig.constants import Rig
 from fingerlab.rig.daq import plain_section
+from fingerlab.rig.file import Rig
 from fingerlab.sessions.model import Array
 
 YES, NO, SKIP = "yes", "no", "skip"

@@ -55,8 +55,8 @@ from fingerlab.core.errors import UserError
 from fingerlab.core.files import read_text
 from fingerlab.core.plain_data import read_object
 from fingerlab.devices.choosing import OWN, DeviceChoice
-from fingerlab.rig.constants import Rig
 from fingerlab.rig.daq import SOURCES, plain_section
+from fingerlab.rig.file import Rig
 
 UNCHECKED_SHARE = 0.1
 """Of the rig's limit of the current; so much a bench gets that nobody has checked."""

@@ -11,6 +11,7 @@ from operator import attrgetter
 from typing import NamedTuple, Protocol
 
 from fingerlab.acquisition.control.machine import SetUp
+from fingerlab.acquisition.control.position import BenchUnits, Line
 from fingerlab.acquisition.control.safety import (
     Check,
     EncoderFault,
@@ -25,7 +26,6 @@ from fingerlab.acquisition.control.safety import (
     Safety,
     Stuck,
 )
-from fingerlab.acquisition.control.units import BenchUnits, Line
 from fingerlab.rig.daq import Limits
 
 SENSORS = ("load cell", "MCP sensor", "PIP sensor", "current monitor")

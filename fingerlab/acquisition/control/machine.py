@@ -36,8 +36,8 @@ from typing import Any
 
 from fingerlab.acquisition.control.safety import Reading
 from fingerlab.core.errors import UserError
-from fingerlab.rig.constants import Rig
 from fingerlab.rig.daq import SafetyLines
+from fingerlab.rig.file import Rig
 
 
 @dataclass(frozen=True)

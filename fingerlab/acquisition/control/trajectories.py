@@ -193,7 +193,7 @@ PARAMETERS = {
     one.name: one
     for one in (
         TrajectoryParameter(
-            "amplitude_deg", "Amplitude", "°", "A", _MOVES, "Amplitude: half of the range, at the pulley.",
+            "amplitude_deg", "Amplitude", "°", "m", _MOVES, "Amplitude: half of the range, at the pulley.",
             15.0, 0.0, 120.0, 1, 1.0,
         ),
         TrajectoryParameter(

@@ -42,7 +42,7 @@ from fingerlab.acquisition.record.recording import Level, Lookout, RunInfo
 from fingerlab.acquisition.ring import COLUMN
 from fingerlab.acquisition.status import Number, Slot
 from fingerlab.core.errors import UserError
-from fingerlab.rig.constants import INTERVENTION
+from fingerlab.rig.file import INTERVENTION
 from fingerlab.sessions.recording_files import FEED_FORWARD
 
 LET_GO, LET_GO_SPEED = math.radians(2.0), math.radians(4.0)

@@ -14,7 +14,7 @@ from fingerlab.acquisition.control.machine import SetUp, Start
 from fingerlab.acquisition.control.motion import STOP_S
 from fingerlab.acquisition.control.trajectories import read_trajectory
 from fingerlab.core.errors import UserError
-from fingerlab.rig.constants import INTERVENTION, read_intervention
+from fingerlab.rig.file import INTERVENTION, read_intervention
 
 REST_S = 2.0
 """Rest between runs (assumed): the spring finger has come to rest."""

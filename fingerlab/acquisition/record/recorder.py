@@ -33,7 +33,7 @@ from fingerlab.acquisition.ring import COLUMN, Array, Ring, RingReader, RowFlag
 from fingerlab.acquisition.status import Number, SharedStatus, Slot, Text
 from fingerlab.core.errors import Cancelled, UserError
 from fingerlab.core.progress import Progress
-from fingerlab.sessions.format import FINGER_PHASES
+from fingerlab.sessions.model import FINGER_PHASES
 from fingerlab.sessions.recording_files import (
     CLEAN,
     CLOSED,

@@ -16,7 +16,7 @@ from fingerlab.acquisition.ring import COLUMN, UNITS, Array, RingReader, RowFlag
 from fingerlab.acquisition.status import SharedStatus, Text
 from fingerlab.core.errors import UserError
 from fingerlab.devices.protocol import LINES, RAW_CHANNELS
-from fingerlab.sessions.format import MAY_BE_NAN, REQUIRED_CHANNELS
+from fingerlab.sessions.model import MAY_BE_NAN, REQUIRED_CHANNELS
 from fingerlab.sessions.recording_files import PartWriter, is_held, recording_folder
 
 TRIGGER_HELP = "such as 'endpoint_force>0.5', 'motor_position<-10deg' or 'motor_speed>90deg/s'"

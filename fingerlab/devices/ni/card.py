@@ -19,8 +19,8 @@ from fingerlab.devices.ni.connection import (
 )
 from fingerlab.devices.ni.tasks import ReadyStop, Tasks, packed, signed_counts, write_safe
 from fingerlab.devices.protocol import Clock, DeviceFault, DeviceLost, LatenessMeter, RealClock, Sample
-from fingerlab.rig.constants import Rig
 from fingerlab.rig.daq import SafetyLines
+from fingerlab.rig.file import Rig
 
 READ_TIMEOUT = 0.1
 """s beyond the block's own length; a hundred cycles without a sample are a fault, not lateness (assumed)."""

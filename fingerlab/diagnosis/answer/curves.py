@@ -15,10 +15,10 @@ from fingerlab.diagnosis.answer.results import (
     Failure,
     Fingerprint,
 )
-from fingerlab.diagnosis.equations.coefficients import CABLE_NAMES
+from fingerlab.diagnosis.equations.columns import CABLE_NAMES
 from fingerlab.diagnosis.equations.features import FORCE, BoolArray
 from fingerlab.diagnosis.fit.noise import floor_covariance
-from fingerlab.diagnosis.gram.decimation import Decimated, counted
+from fingerlab.diagnosis.gram.runs import Decimated, counted
 from fingerlab.diagnosis.gram.sums import Group, Reduced
 from fingerlab.diagnosis.score.evidence import Evidence
 from fingerlab.diagnosis.score.fitted_model import FittedModel
@@ -121,7 +121,9 @@ class Display:
         best = int(np.argmax(evidence.probabilities)) if evidence.candidates else -1
         slack = best >= 0 and evidence.candidates[best].model.slack_free
         scales = reduced.layout.scales
-        failure = _failure(comparisons, self.stretches, slack, scales.time)
+        failure = _failure(
+            comparisons, self.stretches, slack, bool(evidence.base.model.sticking), scales.time
+        )
         if scales != SI:
             comparisons = [_told_comparison(one, scales) for one in comparisons]
             prints = {name: _told_print(one, scales) for name, one in prints.items()}
@@ -383,9 +385,16 @@ def _binned(effect: Effect, row: Row, place: Array, residual: Array, explained: 
 
 
 def _failure(
-    comparisons: Iterable[Comparison], stretches: Iterable[Kept], slack_counts: bool, second: float
+    comparisons: Iterable[Comparison],
+    stretches: Iterable[Kept],
+    slack_counts: bool,
+    sticking: bool,
+    second: float,
 ) -> Failure | None:
-    """The half second in which an equation misses most, in floors; ``second`` s to a reduced one."""
+    """The half second in which an equation misses most, in floors; ``second`` s to a reduced one.
+
+    ``sticking``: the model says nothing of a finger that stands still.
+    """
     worst: tuple[float, Comparison, int] | None = None
     length = int(0.5 * NARROW_RATE_HZ)
     for c in comparisons:
@@ -394,6 +403,8 @@ def _failure(
         spared = c.equation == "cable_kinematics" and not slack_counts
         floor = np.where(kept.taut, c.floor, SLACK_SPREAD_M) if spared else c.floor
         missed = np.nan_to_num((c.measured - c.modelled) / np.maximum(floor, 1e-12)) ** 2
+        if sticking:
+            missed[kept.rest] = 0.0
         if len(missed) < length:
             continue
         running = np.convolve(missed, np.ones(length) / length, mode="valid")

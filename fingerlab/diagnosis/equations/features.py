@@ -26,7 +26,7 @@ from fingerlab.effects.contact_compliance import SIDEWAYS_STIFFNESSES
 from fingerlab.effects.joints import lateral_levers
 from fingerlab.physics import nominal
 from fingerlab.physics.motion import Motion, dragged_tip, pressed, tip_depth, tip_reach, while_pressed
-from fingerlab.rig.constants import Finger, Rig
+from fingerlab.rig.file import Finger, Rig
 from fingerlab.sessions.model import Array
 
 IntArray = np.ndarray[Any, np.dtype[np.int64]]

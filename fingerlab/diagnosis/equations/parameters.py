@@ -24,7 +24,7 @@ from fingerlab.diagnosis.settings import (
     USUAL_SPREAD,
 )
 from fingerlab.physics.parameter import Parameter, Role
-from fingerlab.rig.constants import Rig
+from fingerlab.rig.file import Rig
 from fingerlab.sessions.model import Array
 
 ARMS, LOSSES = ("arm_mcp", "arm_pip"), ("loss_mcp", "loss_pip")

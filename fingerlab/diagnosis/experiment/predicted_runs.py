@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from fingerlab.acquisition.control.trajectories import read_trajectory
-from fingerlab.diagnosis.equations.coefficients import CABLE_NAMES
+from fingerlab.diagnosis.equations.columns import CABLE_NAMES
 from fingerlab.diagnosis.gram.sums import Reduced
 from fingerlab.diagnosis.settings import (
     BALANCE_STEPS,
@@ -39,7 +39,7 @@ from fingerlab.diagnosis.signals.segments import segments_of
 from fingerlab.physics import nominal
 from fingerlab.physics.motion import Motion, added_body
 from fingerlab.physics.nominal import JointMotion
-from fingerlab.rig.constants import UNCHANGED, Finger, Intervention, Rig
+from fingerlab.rig.file import UNCHANGED, Finger, Intervention, Rig
 from fingerlab.sessions.model import Array, Run, Session
 
 

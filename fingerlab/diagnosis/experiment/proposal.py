@@ -13,27 +13,25 @@ from typing import Any
 
 import numpy as np
 
-from fingerlab.diagnosis.experiment.foretelling import (
+from fingerlab.diagnosis.experiment.predicted_runs import Proposal, menu
+from fingerlab.diagnosis.experiment.separation import (
     FOUND,
     HIDDEN,
     Line,
     Outlook,
-    SessionFeatures,
-    foretelling,
-    outlook,
-)
-from fingerlab.diagnosis.experiment.predicted_runs import Proposal, menu
-from fingerlab.diagnosis.experiment.separation import (
     PredictedRun,
     RunKind,
+    SessionFeatures,
     apart,
     columns_of_run,
+    foretelling,
     held_by,
+    outlook,
     predict_run,
     run_kind,
     separation,
 )
-from fingerlab.diagnosis.gram.decimation import Decimated
+from fingerlab.diagnosis.gram.runs import Decimated
 from fingerlab.diagnosis.score.calibration import Predicted
 from fingerlab.diagnosis.score.evidence import Evidence, Verdict
 from fingerlab.diagnosis.score.fitted_model import FittedModel, condition_weights, values_at_typical_strength

@@ -22,7 +22,7 @@ import numpy as np
 from fingerlab.diagnosis.equations.features import NO_SHIFT, BoolArray, IntArray, Layout
 from fingerlab.diagnosis.equations.model import Model
 from fingerlab.diagnosis.equations.parameters import RUBS, SLIPS
-from fingerlab.diagnosis.gram.state_law import left_out_variance
+from fingerlab.diagnosis.gram.runs import left_out_variance
 from fingerlab.diagnosis.gram.sums import Group, Reduced
 from fingerlab.diagnosis.settings import (
     LEAST_DEPTH_SPREAD_M,

@@ -15,18 +15,19 @@ import numpy as np
 
 from fingerlab.diagnosis.equations.model import Model
 from fingerlab.diagnosis.fit.weights import Weights
-from fingerlab.diagnosis.gram.run_constants import (
+from fingerlab.diagnosis.gram.sums import (
     KINDS,
     SOURCES,
+    Group,
+    Reduced,
     RunConstants,
     of_constants,
     share_of_equations,
     with_constants,
 )
-from fingerlab.diagnosis.gram.sums import Group, Reduced
 from fingerlab.diagnosis.settings import LEAST_CONSTANTS, LEAST_SHARE_OF_CONSTANTS, SPREAD_STEPS, SPREADS
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
-from fingerlab.rig.constants import Rig
+from fingerlab.rig.file import Rig
 from fingerlab.sessions.model import Array
 
 

@@ -16,7 +16,7 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from fingerlab.diagnosis.equations.coefficients import CABLE_NAMES, DELAY
+from fingerlab.diagnosis.equations.columns import CABLE_NAMES, DELAY
 from fingerlab.diagnosis.equations.features import NO_SHIFT, BoolArray, IntArray, Layout
 from fingerlab.diagnosis.equations.model import Model
 from fingerlab.diagnosis.equations.parameters import ARMS, CHANGED_OFFSET, LOSSES, TORQUE_ZERO
@@ -30,8 +30,7 @@ from fingerlab.diagnosis.fit.weights import (
     own_to_a_run,
     temperature,
 )
-from fingerlab.diagnosis.gram.run_constants import taken_up, taken_up_by_folds
-from fingerlab.diagnosis.gram.sums import Group, Sums
+from fingerlab.diagnosis.gram.sums import Group, Sums, taken_up, taken_up_by_folds
 from fingerlab.diagnosis.settings import (
     LEAST_GAIN,
     LEAST_GAIN_SHARE,

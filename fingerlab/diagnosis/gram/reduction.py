@@ -23,16 +23,15 @@ from fingerlab.core.errors import UserError
 from fingerlab.core.progress import SILENT, Watch
 from fingerlab.diagnosis.equations.columns import Asked, asked_of, layout_of, of_the_user
 from fingerlab.diagnosis.equations.features import Layout
-from fingerlab.diagnosis.gram.decimation import Decimated
-from fingerlab.diagnosis.gram.pairs import pair_sums
-from fingerlab.diagnosis.gram.run_constants import RunConstants
-from fingerlab.diagnosis.gram.runs import Keep, SegmentCache, run_sums
-from fingerlab.diagnosis.gram.sums import Group, PairSums, Reduced, RunSums, add_among, empty
+from fingerlab.diagnosis.gram.runs import Decimated, Keep, SegmentCache, pair_sums, run_sums
+from fingerlab.diagnosis.gram.sums import Group, PairSums, Reduced, RunConstants, RunSums, add_among, empty
 from fingerlab.diagnosis.settings import MOST_CLOSER, MOST_LOOKED_AT, STATE_ORDERS, TASKS_AHEAD
 from fingerlab.diagnosis.signals.conditions import (
+    Facts,
     Fold,
     GroupKey,
     changed_pairs,
+    check_channels,
     deal_runs,
     group_key,
     missing_channels,
@@ -40,13 +39,12 @@ from fingerlab.diagnosis.signals.conditions import (
     runs_to_analyse,
     with_changes_told,
 )
-from fingerlab.diagnosis.signals.contradictions import Facts, check_channels
 from fingerlab.diagnosis.signals.scales import Scales, as_recorded, find_scales, reduced_sessions
 from fingerlab.diagnosis.signals.segments import Senses, check_senses, segments_of
 from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import Effect, Shape
 from fingerlab.physics.motion import Motion, strongest_orders
-from fingerlab.rig.constants import UNCHANGED, Intervention, Rig, intervention_of
+from fingerlab.rig.file import UNCHANGED, Intervention, Rig, intervention_of
 from fingerlab.sessions.model import Array, Run, Session
 from fingerlab.sessions.trajectory import told_frequency
 

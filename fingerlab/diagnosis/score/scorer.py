@@ -27,8 +27,7 @@ from fingerlab.diagnosis.fit.noise import (
 )
 from fingerlab.diagnosis.fit.solver import Fitter, LeftOut, starting_arms, surprise
 from fingerlab.diagnosis.fit.weights import Data, FoldNumbers, Weighted, Weights, change, own_to_a_run
-from fingerlab.diagnosis.gram.run_constants import Offsets, RunConstants
-from fingerlab.diagnosis.gram.sums import Reduced
+from fingerlab.diagnosis.gram.sums import Offsets, Reduced, RunConstants
 from fingerlab.diagnosis.score.fitted_model import FittedModel, sensitivity
 from fingerlab.diagnosis.score.paired import paired_misfit
 from fingerlab.diagnosis.settings import FULL_ITERATIONS, MOST_ROUNDS, MOST_WANDER, SETTLED

@@ -14,6 +14,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
+import numpy as np
+
 from fingerlab.core.errors import UserError
 from fingerlab.core.progress import SILENT, Watch
 from fingerlab.diagnosis.equations.model import Choice
@@ -26,6 +28,7 @@ from fingerlab.diagnosis.score.selection import idle_steps, justified, least_fal
 from fingerlab.diagnosis.search.next_effect import climb_grid, judge_all, off_its_bounds
 from fingerlab.diagnosis.search.path import forward_selection, worth_adding
 from fingerlab.diagnosis.settings import (
+    FOLLOWING_ROUNDS,
     FULL_ITERATIONS,
     LONGEST_PATH,
     LOOKING_ITERATIONS,
@@ -89,7 +92,8 @@ def refine_grid(
 ) -> tuple[Scorer, FittedModel]:
     """The effects at the best of the shapes around those found, under their own model's weights.
 
-    Where a shape takes numbers from what is fitted, and those have moved by then, it is done once more.
+    Where a shape takes numbers from what is fitted, it is fitted again until they stand, and if they have
+    moved, the shapes are looked at once more.
 
     Raises:
         Cancelled: the user asked for it.
@@ -99,10 +103,18 @@ def refine_grid(
         finer = [_finer(c) for c in choices]
         places = [_place(e.shapes, c.effect.shapes[c.shape]) for e, c in zip(finer, choices, strict=True)]
         scorer = Scorer(reduction.closer(finer, watch))
-        fitted = reduction.remember(finer, places, partial(_best_of_finer, scorer, finer, places))
-        choices = [_following(c, fitted.values) for c in fitted.choices]
-        if not any(map(_has_moved, choices, fitted.choices)):
+        of_shapes = fitted = reduction.remember(finer, places, partial(_best_of_finer, scorer, finer, places))
+        for _ in range(FOLLOWING_ROUNDS):
+            choices = [_following(c, fitted.values) for c in fitted.choices]
+            each = zip(choices, fitted.choices, strict=True)
+            if not any(_has_moved(now, then, fitted) for now, then in each):
+                break
+            given = [replace(c.effect, shapes=(c.effect.shapes[c.shape],)) for c in choices]
+            scorer = Scorer(reduction.closer(given, watch))
+            fitted = scorer.fit([Choice(e) for e in given], fitted, FULL_ITERATIONS)
+        if fitted is of_shapes:
             break
+        fitted = scorer.fit_reweighted(fitted.choices, fitted)
     return scorer, fitted
 
 
@@ -356,10 +368,15 @@ def _following(choice: Choice, values: Mapping[str, float]) -> Choice:
     return Choice(replace(effect, shapes=tuple({**shape, **taken} for shape in effect.shapes)), choice.shape)
 
 
-def _has_moved(choice: Choice, before: Choice) -> bool:
-    """Whether what its shape takes from other unknowns is another number than it was."""
+def _has_moved(choice: Choice, before: Choice, fitted: FittedModel) -> bool:
+    """Whether what its shape takes from other unknowns is another number, as closely as it is known."""
     now, then = choice.effect.shapes[choice.shape], before.effect.shapes[before.shape]
-    return any(abs(now[k] - then.get(k, 0.0)) > SAME_SHAPE * abs(now[k]) for k in choice.effect.follows)
+    for name, keys in choice.effect.follows.items():
+        places = [fitted.model.index[key] for key in keys if key in fitted.model.index]
+        known_to = float(np.sqrt(max(fitted.fit.covariance[np.ix_(places, places)].sum(), 0.0)))
+        if abs(now[name] - then.get(name, 0.0)) > max(SAME_SHAPE * abs(now[name]), known_to):
+            return True
+    return False
 
 
 def _finer(choice: Choice) -> Effect:

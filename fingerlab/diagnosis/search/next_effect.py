@@ -19,7 +19,7 @@ from fingerlab.diagnosis.equations.features import Feature
 from fingerlab.diagnosis.equations.model import Choice
 from fingerlab.diagnosis.fit.solver import Fitter, bounded_step
 from fingerlab.diagnosis.fit.weights import Data, Weights, feature_weights
-from fingerlab.diagnosis.gram.run_constants import taken_up
+from fingerlab.diagnosis.gram.sums import taken_up
 from fingerlab.diagnosis.score.evidence import Evidence, judge
 from fingerlab.diagnosis.score.fitted_model import FittedModel, at_assumed_bounds
 from fingerlab.diagnosis.score.scorer import Scorer

@@ -12,6 +12,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from fingerlab.core.progress import Watch
 from fingerlab.diagnosis.equations.model import Choice
 from fingerlab.diagnosis.gram.reduction import Reduction
@@ -25,11 +27,12 @@ from fingerlab.diagnosis.settings import (
     FRONT,
     FULL_ITERATIONS,
     LEAST_SHARE_OF_MANY,
-    MOST_EFFECTS,
+    MOST_BEYOND,
     NEARLY_AS_GOOD,
     NEEDLESS_SHARE,
     SCREEN_ITERATIONS,
     TOO_CLOSE,
+    USUAL_SHARE,
 )
 from fingerlab.effects.base import Effect
 
@@ -81,10 +84,10 @@ def _explains_most(scorer: Scorer, fitted: FittedModel, keep: int) -> bool:
 
 
 def _longer(scorer: Scorer, fitted: FittedModel, keep: int, watch: Watch) -> FittedModel:
-    """The model with effect after effect, while each explains enough."""
-    while len(fitted.choices) - keep < MOST_EFFECTS:
+    """The model with few effects more than a bench usually has, while each explains enough."""
+    for more_than_usual in range(MOST_BEYOND):
         many = len(fitted.choices) - keep
-        watch.tell(many / MOST_EFFECTS, f"several effects together: {many + 1}")
+        watch.tell(more_than_usual / MOST_BEYOND, f"several effects together: {many + 1}")
         more = _with_one_more(scorer, fitted)
         if more is None:
             break
@@ -162,10 +165,16 @@ def _beside_all(
 
 
 def _without_needless(scorer: Scorer, fitted: FittedModel, keep: int) -> FittedModel:
-    """The model less the effects of which the others leave nothing to explain."""
+    """The model less the effects of which the others leave nothing to explain, the idlest first."""
     while len(fitted.choices) > keep + 1:
-        idlest = min(_each_left_out(scorer, fitted, keep), key=lambda one: one.misfit)
-        if idlest.misfit > (1.0 + NEEDLESS_SHARE) * max(fitted.misfit, 0.0) + NEEDLESS_SHARE * fitted.count:
+        # By how much the squared score rises without each, in shares of it that are needless for its kind.
+        left, spared = max(fitted.misfit, 0.0) + fitted.count, _each_left_out(scorer, fitted, keep)
+        rises = [
+            (one.misfit - fitted.misfit) / left / (USUAL_SHARE if c.effect.id in EVERYDAY else NEEDLESS_SHARE)
+            for c, one in zip(fitted.choices[keep:], spared, strict=True)
+        ]
+        idlest = spared[int(np.argmin(rises))]
+        if min(rises) > 1.0:
             break
         fitted = scorer.score_held_out(scorer.fit_reweighted(idlest.choices, idlest))
     return fitted

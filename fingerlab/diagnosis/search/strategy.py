@@ -84,6 +84,7 @@ class Found:
             Where a rival is clearly better, it leads there: its first step is an exchange.
         refined: what scored the path where its shapes were refined; None: they were not.
         rivals: models with a given effect exchanged that the data prefer, or hardly tell from it; best first.
+        many: whether the path is one of many effects, found together.
     """
 
     scorer: Scorer
@@ -91,6 +92,7 @@ class Found:
     path: Sequence[FittedModel]
     refined: Scorer | None
     rivals: Sequence[Rival] = ()
+    many: bool = False
 
     @property
     def better(self) -> Rival | None:
@@ -181,7 +183,7 @@ def search_effects(question: Question, scorer: Scorer) -> Found:
         base=scorer.with_sensitivity(evidence.base),
         candidates=tuple(map(scorer.with_sensitivity, candidates)),
     )
-    return Found(scorer, with_undetected(evidence), path, refined, rivals)
+    return Found(scorer, with_undetected(evidence), path, refined, rivals, many is not None)
 
 
 def _rivals(

@@ -33,10 +33,8 @@ from fingerlab.diagnosis.settings import (
 )
 from fingerlab.physics.motion import Motion
 from fingerlab.physics.nominal import JointMotion
-from fingerlab.rig.constants import UNITS, Finger, Intervention, Motor, Rig, intervention_of
-from fingerlab.rig.file import CONSTANT_UNITS
-from fingerlab.sessions.format import CHANNEL_UNITS
-from fingerlab.sessions.model import Array, ChannelReader, Run, Session
+from fingerlab.rig.file import CONSTANT_UNITS, UNITS, Finger, Intervention, Motor, Rig, intervention_of
+from fingerlab.sessions.model import CHANNEL_UNITS, Array, ChannelReader, Run, Session
 from fingerlab.sessions.trajectory import told_frequency
 
 _POWERS = {

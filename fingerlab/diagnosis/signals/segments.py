@@ -30,16 +30,18 @@ from fingerlab.diagnosis.settings import (
 )
 from fingerlab.diagnosis.signals.conditions import BENCH_CHANNELS, CHANGE, FINGER_CHANNELS
 from fingerlab.diagnosis.signals.filters import (
+    BRIDGED,
     at_wide_rate,
+    bridged,
     derivative_kernels,
     differentiate,
     is_wide_rate,
+    without_spikes,
 )
-from fingerlab.diagnosis.signals.repairs import BRIDGED, bridged, without_spikes
 from fingerlab.diagnosis.signals.scales import LEAST_SECONDS, as_recorded, reduced_change, scales_of
 from fingerlab.physics.motion import Motion
 from fingerlab.physics.nominal import JointMotion
-from fingerlab.rig.constants import Rig
+from fingerlab.rig.file import Rig
 from fingerlab.sessions.model import Array, Run, whole_pieces
 
 

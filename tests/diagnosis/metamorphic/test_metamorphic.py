@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fingerlab.diagnosis import diagnose
-from fingerlab.rig.constants import Motor, Rig
+from fingerlab.rig.file import Motor, Rig
 from fingerlab.sessions.model import Run, Session
 
 from .changes import resized, shuffled

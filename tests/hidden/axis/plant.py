@@ -17,7 +17,7 @@ import numpy as np
 from numpy.random import Generator
 from scipy.interpolate import make_interp_spline
 
-from fingerlab.rig.constants import Motor, Rig
+from fingerlab.rig.file import Motor, Rig
 from fingerlab.sessions.model import Array, Run, Session
 
 UNEVEN, WANDERS = 0.03, 0.02

@@ -14,11 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from fingerlab.rig.constants import Rig
-from fingerlab.rig.file import CONSTANT_UNITS
+from fingerlab.rig.file import CONSTANT_UNITS, Rig
 from fingerlab.sessions import Run, Session
-from fingerlab.sessions.format import CHANNEL_UNITS
-from fingerlab.sessions.model import Array
+from fingerlab.sessions.model import CHANNEL_UNITS, Array
 
 Channels = dict[str, Array]
 

@@ -24,7 +24,7 @@ from scipy.optimize import minimize
 from scipy.stats import norm
 from threadpoolctl import threadpool_limits
 
-from fingerlab.diagnosis.experiment.foretelling import ForetellingTable, Line
+from fingerlab.diagnosis.experiment.separation import ForetellingTable, Line
 from fingerlab.diagnosis.settings import DECIDING_LOG_ODDS
 from fingerlab.sessions.model import Array
 from fingerlab.twin.effects import EFFECTS
@@ -255,7 +255,7 @@ def main(
     target: Path | None, version: str, command: str,
 ) -> None:  # fmt: skip
     """Take proposed runs on simulated benches; fit what comes of them, or tell how well it was foretold."""
-    from fingerlab.diagnosis.experiment.foretelling import foretelling
+    from fingerlab.diagnosis.experiment.separation import foretelling
 
     wanted, known = trials(first, count), read(results)
     left = [t for t in wanted if t.key not in known]

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fingerlab.rig.constants import Rig
+from fingerlab.rig.file import Rig
 from fingerlab.sessions import Run, Session, SessionWriter, open_session
 from fingerlab.twin.effects import EFFECTS, parse_effects
 from fingerlab.twin.plant import MOTOR_BENCH

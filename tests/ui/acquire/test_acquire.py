@@ -14,7 +14,7 @@ from pytestqt.qtbot import QtBot
 from fingerlab.acquisition.control.machine import Mode
 from fingerlab.sessions import open_session
 from fingerlab.ui.acquire import acquire_tab
-from fingerlab.ui.acquire.live_channels import QUANTITIES
+from fingerlab.ui.acquire.live_history import QUANTITIES
 
 from ..bench_hands import PATIENCE, Rig
 from ..hands import child

@@ -16,7 +16,7 @@ from fingerlab.acquisition.control.machine import Mode
 from fingerlab.acquisition.protocols.steps import Change, Record
 from fingerlab.sessions import open_session
 from fingerlab.ui.acquire import motion_form
-from fingerlab.ui.app.settings import Settings
+from fingerlab.ui.app.context import Settings
 
 from ..bench_hands import PATIENCE, Rig, opener, tabs_with
 from ..hands import LEFT, child, drop

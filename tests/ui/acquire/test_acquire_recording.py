@@ -16,7 +16,7 @@ from pytestqt.qtbot import QtBot
 from fingerlab.core.progress import Progress
 from fingerlab.sessions import open_session
 from fingerlab.sessions.recording_files import recording_folder
-from fingerlab.ui.sessions.session_words import quality_text
+from fingerlab.ui.sessions.session_table import quality_text
 from fingerlab.ui.sessions.sessions_tab import SessionsTab
 
 from ..bench_hands import PATIENCE, Rig

@@ -14,7 +14,7 @@ from pytestqt.qtbot import QtBot
 from fingerlab.acquisition.control.machine import Mode
 from fingerlab.devices.faults import Faults, LineFault
 from fingerlab.sessions import open_session
-from fingerlab.ui.acquire.session_writing import DetailsDialog
+from fingerlab.ui.acquire.recording_control import DetailsDialog
 from fingerlab.ui.app.tab_registry import TABS
 
 from ..bench_hands import PATIENCE, Rig

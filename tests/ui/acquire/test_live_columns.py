@@ -12,9 +12,8 @@ from PySide6.QtGui import QImage, QPainter
 from pytestqt.qtbot import QtBot
 
 from fingerlab.ui.acquire.live_canvas import Canvas
-from fingerlab.ui.acquire.live_channels import LiveTrace
 from fingerlab.ui.acquire.live_curves import Raster, RasterLook, ShownPart, grid_columns
-from fingerlab.ui.acquire.live_history import ColumnView, LiveHistory, PixelColumns, extremes
+from fingerlab.ui.acquire.live_history import ColumnView, LiveHistory, LiveTrace, PixelColumns, extremes
 
 NAMES = ("a", "late")
 SURFACE, GRID, AXIS, BLACK, BLUE = 0xFFFFFFFF, 0xFFDDDDDD, 0xFF777777, 0xFF000000, 0xFF0072B2

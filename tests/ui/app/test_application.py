@@ -13,7 +13,7 @@ from PySide6.QtWidgets import QApplication
 from fingerlab.cli import main
 from fingerlab.ui.app import application, window
 from fingerlab.ui.app import tab_registry as registry
-from fingerlab.ui.app.settings import Settings
+from fingerlab.ui.app.context import Settings
 
 from ..hands import invented_diagnosis, lab_of, lab_with
 

@@ -15,7 +15,7 @@ from PySide6.QtCore import QSettings, QTimer
 from PySide6.QtWidgets import QApplication
 from shiboken6 import isValid
 from fingerlab.ui.app import application
-from fingerlab.ui.app.settings import Settings
+from fingerlab.ui.app.context import Settings
 from fingerlab.ui.app.window import MainWindow
 
 faulthandler.enable()

@@ -9,7 +9,15 @@ import pytest
 from PySide6.QtCore import QObject, Qt, QUrl, Slot
 from PySide6.QtGui import QColor, QDesktopServices, QImage
 from PySide6.QtTest import QTest
-from PySide6.QtWidgets import QApplication, QFrame, QLabel, QProgressBar, QPushButton
+from PySide6.QtWidgets import (
+    QAbstractButton,
+    QApplication,
+    QFrame,
+    QLabel,
+    QProgressBar,
+    QPushButton,
+    QWidget,
+)
 from pytestqt.qtbot import QtBot
 
 from fingerlab.ui.app.window import MainWindow
@@ -60,6 +68,14 @@ def test_each_tabs_menu_has_a_letter_of_its_own(make_window: Any) -> None:
         titles = [action.text() for action in window.menuBar().actions() if action.isVisible()]
         letters = [title[title.index("&") + 1].upper() for title in titles]
         assert len(set(letters)) == len(titles), titles
+        if key == "sessions":
+            window.tab(key).review_page  # noqa: B018 -- made at its first use
+        for widget in window.tab(key).widget.findChildren(QWidget):
+            # The letter of a menu opens it, on every page: no button or field has it, too.
+            written = isinstance(widget, QAbstractButton) or (isinstance(widget, QLabel) and widget.buddy())
+            text = widget.text().replace("&&", "") if written and widget.window() is window else ""
+            taken = text[text.index("&") + 1].upper() if "&" in text else ""
+            assert taken not in letters, (key, text)
 
 
 def test_the_percentage_is_legible_on_and_beside_its_bar(make_window: Any, appearance: Appearance) -> None:

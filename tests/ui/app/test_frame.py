@@ -14,8 +14,7 @@ from pytestqt.qtbot import QtBot
 
 from fingerlab.core.errors import Cancelled
 from fingerlab.sessions.model import Session
-from fingerlab.ui.app.context import ApplicationContext, RigLine
-from fingerlab.ui.app.settings import Settings
+from fingerlab.ui.app.context import ApplicationContext, RigLine, Settings
 from fingerlab.ui.app.tab_registry import TABS, Command, Tab, TabEntry
 from fingerlab.ui.app.window import MainWindow
 

@@ -18,9 +18,8 @@ from pytestqt.qtbot import QtBot
 
 from fingerlab.core.text import ScreenUnit
 from fingerlab.ui.acquire.live_canvas import Canvas
-from fingerlab.ui.acquire.live_channels import LiveTrace
 from fingerlab.ui.acquire.live_curves import ShownPart
-from fingerlab.ui.acquire.live_history import LiveHistory
+from fingerlab.ui.acquire.live_history import LiveHistory, LiveTrace
 from fingerlab.ui.app.context import ApplicationContext
 from fingerlab.ui.app.tab_registry import Tab, TabEntry
 from fingerlab.ui.app.window import MainWindow

@@ -11,7 +11,7 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QWidget
 from pytestqt.qtbot import QtBot
 
-from fingerlab.ui.app.settings import MAX_RECENT, Settings
+from fingerlab.ui.app.context import MAX_RECENT, Settings
 from fingerlab.ui.app.window import PlaceKeeper
 from fingerlab.ui.widgets.layout import Panes
 

@@ -12,7 +12,7 @@ from PySide6.QtWidgets import QComboBox
 from pytestqt.qtbot import QtBot
 
 from fingerlab.ui.acquire import acquire_tab
-from fingerlab.ui.app.settings import Settings
+from fingerlab.ui.app.context import Settings
 from fingerlab.ui.app.tab_registry import TABS
 
 from ..bench_hands import PATIENCE, Rig, opener, tabs_with

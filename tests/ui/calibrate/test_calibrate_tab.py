@@ -35,13 +35,12 @@ from fingerlab.rig.file import default_rig
 from fingerlab.sessions import open_session, text_table
 from fingerlab.ui.acquire import acquire_tab
 from fingerlab.ui.acquire.bench_setup import BenchRequest, OpenBench, open_bench
-from fingerlab.ui.app.context import RigLine
-from fingerlab.ui.app.settings import Settings
+from fingerlab.ui.app.context import RigLine, Settings
 from fingerlab.ui.app.tab_registry import TABS
 from fingerlab.ui.app.window import MainWindow
 from fingerlab.ui.calibrate import calibrate_tab
 from fingerlab.ui.calibrate.calibrate_tab import CalibrateTab
-from fingerlab.ui.calibrate.start_page import AMPLIFIER_ON
+from fingerlab.ui.calibrate.measure_page import AMPLIFIER_ON
 
 from ..bench_hands import Rig, opener, tabs_with
 from ..hands import LEFT, child

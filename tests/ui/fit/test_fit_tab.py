@@ -13,7 +13,7 @@ from PySide6.QtWidgets import QComboBox, QFileDialog, QLabel, QPushButton
 from pytestqt.qtbot import QtBot
 
 from fingerlab.models.file import load_model
-from fingerlab.rig.constants import Finger, Motor, Rig
+from fingerlab.rig.file import Finger, Motor, Rig
 from fingerlab.sessions import SessionWriter
 from fingerlab.ui.app.tab_registry import TabEntry
 from fingerlab.ui.app.window import MainWindow
@@ -71,6 +71,7 @@ def fit_of(window: MainWindow) -> FitTab:
 @pytest.fixture
 def analysed(qtbot: QtBot, window: MainWindow) -> MainWindow:
     click(window, "analyse")
+    assert child(window, QLabel, "fitEmpty").text() == "Fitting air.h5"
     qtbot.waitUntil(lambda: fit_of(window).found is not None and not window.tasks.busy, timeout=PATIENCE)
     return window
 

@@ -20,7 +20,7 @@ from pytestqt.qtbot import QtBot
 
 from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.ui.app.window import MainWindow
-from fingerlab.ui.widgets.labels import ElidedLabel
+from fingerlab.ui.widgets.tables import ElidedLabel
 
 from .. import invented
 from ..hands import LEFT, PATIENCE, Held, child, click, drop, invented_diagnosis, lab_of, wait_for_result

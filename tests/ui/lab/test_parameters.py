@@ -13,7 +13,7 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QCheckBox, QLabel, QPushButton, QSlider, QTableWidget
 from pytestqt.qtbot import QtBot
 
-from fingerlab.models.project import project_path
+from fingerlab.models.file import project_path
 from fingerlab.twin.effects import parse_effects
 from fingerlab.twin.protocols import RunPlan, load_preset
 from fingerlab.twin.session import write_session

@@ -12,8 +12,7 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QFileDialog, QListWidget, QPlainTextEdit, QPushButton
 from pytestqt.qtbot import QtBot
 
-from fingerlab.models.file import Model, save_model
-from fingerlab.models.project import project_path
+from fingerlab.models.file import Model, project_path, save_model
 from fingerlab.ui.app.window import MainWindow
 
 from ..hands import PATIENCE, child, click, invented_diagnosis, lab_of, wait_for_result

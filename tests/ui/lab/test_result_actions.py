@@ -14,8 +14,7 @@ from PySide6.QtWidgets import QApplication, QFileDialog, QLabel, QPushButton
 from pytestqt.qtbot import QtBot
 
 from fingerlab.diagnosis.answer.results import EquationError, HeldOutRuns
-from fingerlab.models.file import load_model
-from fingerlab.models.project import project_path
+from fingerlab.models.file import load_model, project_path
 from fingerlab.twin.effects import parse_effects
 from fingerlab.twin.protocols import load_preset, single_run
 from fingerlab.twin.session import write_session

@@ -11,7 +11,7 @@ from PySide6.QtWidgets import QLabel
 from pytestqt.qtbot import QtBot
 
 from fingerlab.twin.effects import parse_effects
-from fingerlab.ui.app.settings import Settings
+from fingerlab.ui.app.context import Settings
 from fingerlab.ui.app.window import MainWindow
 from fingerlab.ui.lab import practice
 from fingerlab.ui.sessions.import_dialog import ImportDialog

@@ -16,7 +16,7 @@ from fingerlab.report.diagnosis_words import set_sentence
 from fingerlab.ui.app.window import MainWindow
 from fingerlab.ui.lab.result_words import set_help, set_words
 from fingerlab.ui.lab.truth import HeldOutTable
-from fingerlab.ui.sessions.session_words import verdict_help, verdict_text
+from fingerlab.ui.sessions.session_table import verdict_help, verdict_text
 
 from .. import invented
 from ..hands import child, click, lab_of, wait_for_result

@@ -15,7 +15,7 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QComboBox, QLabel
 from pytestqt.qtbot import QtBot
 
-from fingerlab.diagnosis.answer.shapes import SHAPES
+from fingerlab.diagnosis.answer.where import SHAPES
 from fingerlab.ui.app.window import MainWindow
 from fingerlab.ui.lab.lab_view import LabView
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fingerlab.models.file import Model, ParameterEstimate
-from fingerlab.prediction.beside import RunForce, predict_beside
+from fingerlab.prediction.comparing import RunForce, predict_beside
 from fingerlab.sessions import SessionWriter, open_session
 from fingerlab.thesis.contact import parameter_sets, predict_session
 

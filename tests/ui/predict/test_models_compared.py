@@ -11,7 +11,7 @@ from pytestqt.qtbot import QtBot
 
 from fingerlab.models.file import save_model
 from fingerlab.prediction import fit_extended, model_of_extended
-from fingerlab.report import replicate
+from fingerlab.report import comparison_words
 from fingerlab.sessions import open_session
 from fingerlab.thesis.analysis import PUBLISHED, PublishedQuantity
 from fingerlab.twin.effects import parse_effects
@@ -76,11 +76,13 @@ def test_the_thesis_experiment_is_repeated_from_the_menu(
     """Numbers that are given: 0.962 lies within the thesis' 0.97 ± 0.01, 186 ms outside of 162 ± 23."""
     asked = []
 
-    def quick(preset: str, seeds: list[int], watch: object) -> tuple[replicate.ComparedQuantity, ...]:
+    def quick(preset: str, seeds: list[int], watch: object) -> tuple[comparison_words.ComparedQuantity, ...]:
         asked.append((preset, list(seeds)))
-        return replicate.compare([[quantity("r2_normalised", 0.962), quantity("delay_finddelay", 186.0)]])
+        return comparison_words.compare(
+            [[quantity("r2_normalised", 0.962), quantity("delay_finddelay", 186.0)]]
+        )
 
-    monkeypatch.setattr(replicate, "replicated", quick)
+    monkeypatch.setattr(comparison_words, "replicated", quick)
     window = make_window(tab="fit")
     chosen_in_menu(window, "The thesis' experiment again…").trigger()
     dialog = window.tab("fit")._replicate

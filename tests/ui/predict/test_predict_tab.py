@@ -16,8 +16,8 @@ from pytestqt.qtbot import QtBot
 
 from fingerlab.acquisition.control.trajectories import read_trajectory
 from fingerlab.models.file import Model, ParameterEstimate, load_model, save_model
-from fingerlab.prediction.beside import predict_beside
-from fingerlab.rig.constants import Finger, Motor, Rig
+from fingerlab.prediction.comparing import predict_beside
+from fingerlab.rig.file import Finger, Motor, Rig
 from fingerlab.sessions import SessionWriter, open_session
 from fingerlab.ui.app.tab_registry import TabEntry
 from fingerlab.ui.app.window import MainWindow
@@ -94,6 +94,7 @@ def predicted(
     answer: Callable[..., tuple[list[str], str]] = lambda *_: ([str(p) for p in model_files], "")  # noqa: E731
     monkeypatch.setattr(QFileDialog, "getOpenFileNames", staticmethod(answer))
     click(window, "addModels")
+    assert child(window, QLabel, "predictEmpty").text() == "Predicting the force in contact.h5"
     qtbot.waitUntil(lambda: predict_of(window).found is not None and not window.tasks.busy, timeout=PATIENCE)
     return window
 

@@ -168,3 +168,6 @@ def test_a_folder_without_verdicts_says_what_makes_them(
     tab = browsing(qtbot, make_window, tmp_path, 1)
     click(tab.widget, "showTrend")
     assert "Diagnose all makes them" in child(tab.widget, QLabel, "trendWords").text()
+    dialog = tab._trend
+    assert not dialog.plot.isVisible()
+    assert not dialog.table.isVisible()

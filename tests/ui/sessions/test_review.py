@@ -15,7 +15,7 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QFileDialog, QLabel
 from pytestqt.qtbot import QtBot
 
-from fingerlab.library.pyramid import BASE
+from fingerlab.library.reviewing import BASE
 from fingerlab.sessions import open_session
 from fingerlab.ui.app.window import MainWindow
 from fingerlab.ui.sessions.review_page import ReviewPage

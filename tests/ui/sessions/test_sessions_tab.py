@@ -25,7 +25,7 @@ from pytestqt.qtbot import QtBot
 from fingerlab.core.errors import Cancelled
 from fingerlab.library.notes import FILE_NAME
 from fingerlab.sessions import open_session
-from fingerlab.ui.app.settings import Settings
+from fingerlab.ui.app.context import Settings
 from fingerlab.ui.app.window import MainWindow
 from fingerlab.ui.sessions import sessions_tab as browse_tab
 from fingerlab.ui.sessions.session_table import NAME, QUALITY, RECORDED, TAGS, VERDICT

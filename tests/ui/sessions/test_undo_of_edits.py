@@ -13,8 +13,8 @@ from pytestqt.qtbot import QtBot
 
 from fingerlab.core.errors import UserError
 from fingerlab.library.notes import FILE_NAME
-from fingerlab.ui.sessions import edit_history as undoing
-from fingerlab.ui.sessions.edit_history import EditHistory, FileEdit, Gone
+from fingerlab.ui.sessions import session_files as undoing
+from fingerlab.ui.sessions.session_files import EditHistory, FileEdit, Gone
 from fingerlab.ui.sessions.session_table import TAGS
 
 from ..hands import PATIENCE, child, click

@@ -1,0 +1,387 @@
+"""Sessions compared, in words: run by run, over a batch, and beside the numbers that the thesis printed.
+
+A number is outside where it is further from the published value than the published deviation over runs. Where
+the thesis prints no deviation, the tolerance below holds in its place; each says where it comes from.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from fingerlab.core.plain_data import json_ready
+from fingerlab.core.progress import SILENT, Watch
+from fingerlab.core.text import (
+    ScreenUnit,
+    decimals_for,
+    estimate_text,
+    fixed,
+    largest_of,
+    percent,
+    screen_unit,
+    with_minus,
+)
+from fingerlab.report.diagnosis_words import NOTHING_WORDS, UNKNOWN_WORDS, effect_title, in_sentence, listed
+from fingerlab.report.parameter_words import parameter_title
+from fingerlab.report.score_words import PHASE_WORDS
+from fingerlab.sessions.model import CHANNEL_UNITS
+from fingerlab.sessions.trajectory import trajectory_words
+from fingerlab.signals.run_pairs import COMPARED, ChannelPair, RunPair, SessionPair
+from fingerlab.thesis.analysis import PUBLISHED, Published, PublishedQuantity, thesis_analysis
+from fingerlab.thesis.onair import Spread
+
+if TYPE_CHECKING:
+    from fingerlab.batch.changes import Change
+    from fingerlab.batch.table import Trend
+
+NOTABLE = 3.0
+"""A difference of so many times the scatter of a cycle stands out (assumed)."""
+
+
+@dataclass(frozen=True)
+class PairCell:
+    """One channel of a pair: a text, the difference over the scatter (NaN: not told), and all of it."""
+
+    text: str
+    times: float
+    help: str
+
+
+def channel_title(name: str) -> str:
+    """``Motor torque``, ``MCP angle``."""
+    words = name.replace("_", " ")
+    return words[:3].upper() + words[3:] if words[:3] in ("mcp", "pip") else words[:1].upper() + words[1:]
+
+
+def channels_of(found: SessionPair) -> dict[str, ScreenUnit]:
+    """The channels that any pair has, each with the unit that its differences are shown in."""
+    units = {}
+    for name in COMPARED:
+        largest = largest_of(
+            math.hypot(one.offset, one.rms) for pair in found.pairs for one in _of(pair.channels, name)
+        )
+        if any(name in pair.channels for pair in found.pairs):
+            units[name] = screen_unit(CHANNEL_UNITS[name], largest)
+    return units
+
+
+def _of(channels: Mapping[str, ChannelPair], name: str) -> list[ChannelPair]:
+    return [channels[name]] if name in channels else []
+
+
+def pair_title(pair: RunPair) -> tuple[str, str]:
+    """Runs and motion: ``001 – 003``, ``on air, extension, sine, 15°, 1 Hz``."""
+    run = pair.first
+    cable = "" if run.cable == "none" else f", {run.cable}"
+    words = trajectory_words({k: v for k, v in run.trajectory.items() if k != "offset_deg"})
+    return f"{run.name} – {pair.second.name}", f"{PHASE_WORDS.get(run.phase, run.phase)}{cable}, {words}"
+
+
+def cell(pair: RunPair, name: str, unit: ScreenUnit) -> PairCell:
+    """Difference (root mean square, its constant part included) and how many times the scatter that is."""
+    if name not in pair.channels:
+        return PairCell("–", math.nan, "One of the two runs did not read it.")
+    one = pair.channels[name]
+    whole, offset, rest, usual = (
+        value * unit.factor for value in (math.hypot(one.offset, one.rms), one.offset, one.rms, one.usual)
+    )
+    digits = decimals_for(0.1 * whole)
+    times = "" if math.isnan(one.times) else f" ({one.times:.1f} ×)"
+    where = f"at phase {one.largest_at:.2f} of the cycle" if pair.periodic else f"at {one.largest_at:.1f} s"
+    scatter = "no cycle repeats" if math.isnan(usual) else f"a cycle scatters by {fixed(usual, digits)}"
+    said = (
+        f"{channel_title(name)}, second less first, {unit.symbol}: {fixed(offset, digits)} all along, "
+        f"{fixed(rest, digits)} about it, most {where}; {scatter}."
+    )
+    return PairCell(fixed(whole, digits) + times, one.times, said)
+
+
+def pairs_sentence(found: SessionPair) -> str:
+    """How many runs have a partner, and which channel stands out most."""
+    first, second = found.first.path.name, found.second.path.name
+    count = len(found.pairs)
+    said = [f"{count} run{'s' * (count != 1)} of the same motion in {first} and {second}"]
+    for runs, session in ((found.only_first, found.first), (found.only_second, found.second)):
+        if runs:
+            said.append(f"{len(runs)} more in {session.path.name} alone")
+    told = [
+        (one.times, name, pair)
+        for pair in found.pairs
+        for name, one in pair.channels.items()
+        if one.times > NOTABLE
+    ]
+    sentence = ", ".join(said) + "."
+    if told:
+        times, name, pair = max(told, key=lambda entry: entry[0])
+        return (
+            f"{sentence} {channel_title(name)} differs most, in {pair_title(pair)[0]}: {times:.1f} times the "
+            "scatter of a cycle."
+        )
+    if any(not math.isnan(one.times) for pair in found.pairs for one in pair.channels.values()):
+        return f"{sentence} No channel differs by more than {NOTABLE:g} times the scatter of a cycle."
+    return sentence
+
+
+def pairs_json(found: SessionPair) -> dict[str, Any]:
+    """Plain data, SI; the curves are left out."""
+    return {
+        "schema": 1,
+        "sessions": [str(found.first.path), str(found.second.path)],
+        "pairs": [
+            {
+                "runs": [pair.first.name, pair.second.name],
+                "periodic": pair.periodic,
+                "cycles": list(pair.cycles),
+                "lag": pair.lag,
+                "channels": {
+                    name: {
+                        "unit": CHANNEL_UNITS[name], "offset": one.offset, "rms": one.rms,
+                        "scatter": one.usual, "times_scatter": one.times, "largest_at": one.largest_at,
+                    }
+                    for name, one in pair.channels.items()
+                },
+            }
+            for pair in found.pairs
+        ],
+        "only_first": [run.name for run in found.only_first],
+        "only_second": [run.name for run in found.only_second],
+        "refused": list(found.refused),
+    }  # fmt: skip
+
+
+Row = dict[str, Any]
+
+PARAMETER_WORDS = {
+    "arm_mcp": "Moment arm MCP",
+    "arm_pip": "Moment arm PIP",
+    "loss_mcp": "Loss MCP",
+    "loss_pip": "Loss PIP",
+    "offset": "Cable offset",
+    "bench_gain": "Load per known load",
+    "bench_offset": "Torque without load",
+}
+COLUMN_WORDS = {
+    "score": "Error / floor",
+    "final_score": "Error / floor, effects added",
+    "alone.coulomb_friction.coulomb_mcp": "MCP friction, Coulomb",
+    "alone.coulomb_friction.coulomb_pip": "PIP friction, Coulomb",
+    "alone.viscous_friction.viscous_mcp": "MCP friction, viscous",
+    "alone.viscous_friction.viscous_pip": "PIP friction, viscous",
+    "alone.motor_coulomb_friction.coulomb": "Motor friction, Coulomb",
+    "alone.motor_viscous_friction.viscous": "Motor friction, viscous",
+    "alone.transport_delay.delay": "Delay",
+}
+
+
+def outcome_words(row: Row) -> str:
+    """What a session lacks, in words."""
+    words = {"nothing_missing": NOTHING_WORDS, "not_in_catalogue": UNKNOWN_WORDS}
+    if row["verdict"] in words:
+        return words[row["verdict"]]
+    return effect_title(row["set"][0] if row["set"] else str(row["first_effect"]))
+
+
+def not_shown_sentence(rows: Sequence[Row]) -> str:
+    """What the sessions in which nothing is missing leave open, and how many of them; or nothing."""
+    left = [row["set"] for row in rows if row["verdict"] == "nothing_missing" and row["set"]]
+    if not left:
+        return ""
+    titles = Counter(in_sentence(effect_title(effect)) for effects in left for effect in effects)
+    named = [f"{title} ({count})" for title, count in titles.most_common()]
+    where = "One session" if len(left) == 1 else f"{len(left)} sessions"
+    leave = "leaves" if len(left) == 1 else "leave"
+    return f"{where} with nothing missing {leave} open, at a plausible strength: {listed(named)}."
+
+
+def column_words(column: str) -> str:
+    """A column of the table in words, such as ``Moment arm MCP, extension``."""
+    if column in COLUMN_WORDS:
+        return COLUMN_WORDS[column]
+    if column.partition(".")[2].count("."):
+        return parameter_title(column.partition(".")[2], ())
+    key, _, routing = column.partition(".")[2].partition("@")
+    words = PARAMETER_WORDS.get(key, key.replace("_", " "))
+    return f"{words}, {routing}" if routing else words
+
+
+def trend_cells(trend: Trend) -> tuple[str, str, str, str, str, str]:
+    """Quantity, median, unit, change a month, its 90 % interval, number of sessions."""
+    unit = screen_unit(trend.unit, largest_of((trend.median, trend.low, trend.high)))
+    slope, low, high = (value * unit.factor for value in (trend.per_month, trend.low, trend.high))
+    digits = min(decimals_for((high - low) / 4), MOST_DECIMALS)
+    return (
+        column_words(trend.column),
+        with_minus(f"{trend.median * unit.factor:.4g}"),
+        unit.symbol,
+        fixed(slope, digits),
+        f"{fixed(low, digits)} to {fixed(high, digits)}",
+        str(trend.sessions),
+    )
+
+
+MOST_DECIMALS = 4
+
+
+def change_sentence(change: Change) -> str:
+    """What changed, between which sessions, and how sure that is."""
+    when = f"Between {change.before} and {change.after} ({change.when[:10]})"
+    sure = f"Probability {percent(change.chance)}; of that moment, if so, {percent(change.certain_place)}."
+    title = in_sentence(effect_title(change.effect)) if change.effect else ""
+    before, n, after, m = change.found
+    strength = ""
+    if change.first is not None and change.second is not None:
+        values = f"from {estimate_text(change.first)} to {estimate_text(change.second)}"
+        strength = f"{in_sentence(column_words(change.column))} went {values}"
+    seen = f"missing in {before} of {n} sessions before and in {after} of {m} after"
+    if change.kind in ("new", "gone"):
+        what = f"a new effect appeared, {title}" if change.kind == "new" else f"an effect went away, {title}"
+        what = f"{what}, {seen}" + (f"; {strength}" if strength else "")
+    elif change.kind == "moved":
+        what = strength
+    else:
+        what = f"the same effect has {change.kind}, {title}: {strength}; {seen}"
+    many = len(change.others)
+    others = f" With it moved {many} other number{'s' * (many > 1)}." if many else ""
+    return f"{when} {what}. {sure}{others}"
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """How far from the published value still counts as the same, in the quantity's unit."""
+
+    value: float
+    reason: str
+
+
+_R2 = Tolerance(0.20, "median of the deviations that the thesis prints for an R2")
+_PEAK = "30 % of the value: a single run in the thesis, and force peaks differ by that from run to run"
+
+TOLERANCES: dict[str, Tolerance] = {
+    "r2_flexion": _R2,
+    "r2_extension": _R2,
+    "r2_static_1": _R2,
+    "r2_static_2": _R2,
+    "peak_measured": Tolerance(0.15, _PEAK),
+    "peak_extension": Tolerance(0.05, _PEAK),
+    "peak_flexion": Tolerance(0.26, _PEAK),
+    "r2_flexion_findsignal_30": Tolerance(0.05, "figure 4.14 shows all but two runs above 0.9"),
+    "peak_share": Tolerance(7.0, "a quarter of the value: 'almost four times lower'"),
+    "speed_change_mcp": Tolerance(1.0, "one percentage point: printed to 0.1"),
+    "speed_change_pip": Tolerance(1.0, "one percentage point: printed to 0.1"),
+    "r2_angle_60": Tolerance(0.10, "a single run in the thesis, at angles 15 degrees apart"),
+}
+"""For quantities that the thesis prints without a deviation."""
+
+
+@dataclass(frozen=True)
+class ComparedQuantity:
+    """One quantity, published and ours over the runs.
+
+    ``tolerance`` and ``outside``, whether ours is further off than that, are None where nothing is published.
+    """
+
+    published: Published
+    ours: Spread
+    tolerance: Tolerance | None
+    outside: bool | None
+
+
+def compare(benches: Sequence[Iterable[PublishedQuantity]]) -> tuple[ComparedQuantity, ...]:
+    """Every published quantity beside ours, in the thesis' order.
+
+    Args:
+        benches: the quantities of one analysis each; runs of several benches are taken together.
+    """
+    runs: dict[str, tuple[float, ...]] = {}
+    for quantities in benches:
+        for quantity in quantities:
+            runs[quantity.key] = runs.get(quantity.key, ()) + quantity.runs
+    return tuple(_compared(published, Spread(runs.get(published.key, ()))) for published in PUBLISHED)
+
+
+def _compared(published: Published, ours: Spread) -> ComparedQuantity:
+    if published.value is None:
+        return ComparedQuantity(published, ours, None, None)
+    if published.deviation is not None:
+        tolerance = Tolerance(published.deviation, "deviation that the thesis prints")
+    else:
+        tolerance = TOLERANCES[published.key]
+    # A number that our analysis could not give does not agree with a published one.
+    outside = not math.isfinite(ours.mean) or abs(ours.mean - published.value) > tolerance.value
+    return ComparedQuantity(published, ours, tolerance, outside)
+
+
+def lines_json(lines: Sequence[ComparedQuantity]) -> Any:
+    """For ``replicate --json``: numbers in the units of the table, null where there is none."""
+    return json_ready(
+        {
+            "quantities": [
+                {
+                    "key": line.published.key,
+                    "title": line.published.title,
+                    "unit": line.published.unit,
+                    "published": line.published.value,
+                    "tolerance": None if line.tolerance is None else line.tolerance.value,
+                    "tolerance_reason": "" if line.tolerance is None else line.tolerance.reason,
+                    "ours": line.ours.mean,
+                    "deviation": line.ours.deviation,
+                    "outside": line.outside,
+                }
+                for line in lines
+            ],
+            "outside": [line.published.key for line in lines if line.outside],
+            "compared": sum(line.outside is not None for line in lines),
+        }
+    )
+
+
+def replicated(preset_name: str, seeds: Sequence[int], watch: Watch = SILENT) -> tuple[ComparedQuantity, ...]:
+    """Each bench simulated and analysed as the thesis did, beside what was published.
+
+    Raises:
+        UserError: there is no such preset. Cancelled: the user asked for it.
+    """
+    from fingerlab.twin.protocols import PROTOCOLS, load_preset
+    from fingerlab.twin.session import simulated_session
+
+    preset = load_preset(preset_name)
+    plans = PROTOCOLS["thesis"](preset.numbers["protocol"]["contact_amplitude_deg"])
+    results = []
+    for number, seed in enumerate(seeds):
+
+        def part(share: float, what: str, start: float = 0.0, number: int = number) -> None:
+            watch.tell((number + start + 0.5 * share) / len(seeds), what)
+
+        session = simulated_session(preset, "thesis", plans, seed, part)
+        analysis = thesis_analysis(session, lambda share, what: part(share, f"analysing {what}", 0.5))
+        results.append(analysis.quantities)
+    return compare(results)
+
+
+def outcome_sentences(lines: Sequence[ComparedQuantity]) -> tuple[str, str]:
+    """How many are within the published spread, and what a spread in brackets is."""
+    outside = [line.published.title for line in lines if line.outside]
+    compared = sum(line.outside is not None for line in lines)
+    within = f"{compared - len(outside)} of {compared} within the published spread"
+    marked = f"; outside, marked *: {', '.join(outside)}." if outside else "."
+    return within + marked, (
+        "Spread in brackets: the thesis prints none, and a tolerance of ours holds in its place (its reason "
+        "is in the JSON)."
+    )
+
+
+def cells(line: ComparedQuantity) -> tuple[str, str, str, str, str]:
+    """Quantity, published and ours with their spread, a star where it is outside, unit."""
+    one = line.published
+    digits = 3 if one.unit == "1" else 2 if one.unit == "N" else 1
+    published = "-"
+    if line.tolerance is not None:
+        spread = f"± {line.tolerance.value:.{digits}f}"
+        published = f"{one.value:.{digits}f} {f'({spread})' if one.key in TOLERANCES else spread}"
+    ours = f"{line.ours.mean:.{digits}f}" if math.isfinite(line.ours.mean) else "none"
+    if math.isfinite(line.ours.deviation):
+        ours += f" ± {line.ours.deviation:.{digits}f}"
+    return one.title, published, ours, "*" if line.outside else "", "" if one.unit == "1" else one.unit
