@@ -1,6 +1,7 @@
 """Recording by hand: one session file at a time, runs and markers in it, its writing and its verification.
 
-Nothing is lost by putting it off: the runs are closed by then, and whoever opens the session finishes it.
+Nothing is lost by putting the writing off: the runs are closed by then, and whoever opens the session
+finishes it.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Two benches with one face: loop and recorder in processes of their own, or here on a virtual clock.
 
-The same objects as in ``processes.py``, without processes; nothing watches from outside, so this is for
-devices that are simulated or replayed.
+On a virtual clock it is the same objects as in ``processes.py``, without processes; nothing watches from
+outside, so that one is for devices that are simulated or replayed.
 """
 
 from __future__ import annotations
