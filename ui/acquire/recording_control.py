@@ -33,7 +33,7 @@ from PySide6.QtWidgets import (
 from fingerlab.acquisition.bench.bench import Bench
 from fingerlab.acquisition.control.machine import Mode
 from fingerlab.acquisition.protocols.driver import run_to_record
-from fingerlab.acquisition.record.recording import SessionInfo
+from fingerlab.acquisition.recording import SessionInfo
 from fingerlab.core.errors import Cancelled, UserError
 
 from ..app.bars import time_left

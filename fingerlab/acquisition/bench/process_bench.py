@@ -21,8 +21,8 @@ from fingerlab.acquisition.bench.loop import STOOD_STILL, ControlLoop
 from fingerlab.acquisition.bench.processes import DeviceSource, Plan, loop_main, recorder_main
 from fingerlab.acquisition.bench.steering import LoopSettings
 from fingerlab.acquisition.control.machine import Command, Quit
-from fingerlab.acquisition.record.recorder import Recorder
-from fingerlab.acquisition.record.recording import RunInfo, SessionInfo
+from fingerlab.acquisition.recorder import Recorder
+from fingerlab.acquisition.recording import RunInfo, SessionInfo
 from fingerlab.acquisition.ring import COLUMNS, Ring
 from fingerlab.acquisition.status import Number, SharedStatus, Slot, Text
 from fingerlab.core.errors import Cancelled, UserError
