@@ -1,7 +1,7 @@
 """Endpoint force of contact runs from an extended model, and that model fitted from sessions and effects.
 
-Every run is predicted by values that have not seen it, wherever there are such; and as the contact force
-leans further and further (thesis figure 5.2).
+Every run is predicted by values that have not seen it, wherever there are such; and once more with a contact
+force that leans further and further (thesis figure 5.2).
 """
 
 from __future__ import annotations

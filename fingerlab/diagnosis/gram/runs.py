@@ -1,15 +1,16 @@
 """The sums of one run: signals low-passed, decimated and multiplied; pairs of runs; the floor of any law.
 
-Decides which samples of a segment count, which of them are judged apart (those of a taut cable, and those at
-which the motor stands), how a delayed channel is read, and what a second reading takes over from the first.
+Low-passing decides which samples of a segment count, which of them are judged apart (those of a taut cable,
+and those at which the motor stands), how a delayed channel is read, and what a second reading takes over from
+the first.
 
-A regression on functions of angle, speed, acceleration, load and way since reversal, with runs left out.
-Among those of the angle are waves of the orders at which the torque repeats over it most. It knows no physics
-and no plausible range; what it cannot tell either, no effect is asked to explain. It takes as many functions
-as the runs that were left out bear out.
+The floor of any law is a regression on functions of angle, speed, acceleration, load and way since reversal,
+with runs left out. Among those of the angle are waves of the orders at which the torque repeats over it most.
+It knows no physics and no plausible range; what it cannot tell either, no effect is asked to explain. It
+takes as many functions as the runs that were left out bear out.
 
-What a machine does in every run that no law tells is in both and cancels; what follows from the change
-stays. The difference is divided by the root of two, so that it is as noisy as one run.
+In a pair, what a machine does in every run that no law tells is in both and cancels; what follows from the
+change stays. The difference is divided by the root of two, so that it is as noisy as one run.
 
 A later pass asks the same runs for few other columns, or for none. Opening the file again, differentiating
 its channels and forming the columns would cost more than all the rest: the first reading keeps the motion of
