@@ -6,6 +6,7 @@ import argparse
 import json
 import os
 import sys
+from collections import deque
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, replace
@@ -16,8 +17,9 @@ from fingerlab.acquisition.bench.process_bench import InlineBench, ProcessBench
 from fingerlab.acquisition.bench.steering import LoopSettings
 from fingerlab.acquisition.control.position import BenchUnits
 from fingerlab.devices.choosing import DeviceChoice
-from fingerlab.devices.simulated import SimulatedRig
-from fingerlab.rig.file import Rig
+from fingerlab.devices.ni.card import NiCard
+from fingerlab.devices.simulated import SimulatedBench, SimulatedRig, Simulation
+from fingerlab.rig.file import Rig, default_rig
 
 if TYPE_CHECKING:
     from PySide6.QtWidgets import QApplication
@@ -36,6 +38,17 @@ def turned_by_hand(rescue: Path) -> tuple[InlineBench, Rig]:
     device = SimulatedRig()
     settings = LoopSettings(BenchUnits.from_rig(device.rig), device.rig.limits)
     return InlineBench(device, settings, rescue), device.rig
+
+
+def on_the_card(rescue: Path) -> tuple[InlineBench, Rig]:
+    """The simulated finger at the virtual card, driven by the real nidaqmx package, all in this process."""
+    from tests.devices.virtual_card import Card, InProcessChannel, Servicer
+
+    rig = default_rig()
+    card = Card(SimulatedBench(Simulation(phase="contact"), rig.daq))
+    card.history = deque(maxlen=1)  # type: ignore[assignment]  # hours of it would be the memory that is measured
+    device = NiCard(rig, card.clock, InProcessChannel(Servicer(card)))
+    return InlineBench(device, LoopSettings(BenchUnits.from_rig(rig), rig.limits), rescue), rig
 
 
 def in_processes(rescue: Path, real_time: bool = True) -> tuple[ProcessBench, Rig]:

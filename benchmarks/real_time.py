@@ -1,21 +1,24 @@
 """How punctual the control loop is in real time while it records, and how much the recorder sustains.
 
-    python -m benchmarks.real_time [--minutes 10] [--with-window] [--driven] [--keep FILE] [--page PAGE]
+    python -m benchmarks.real_time [--minutes 10] [--with-window] [--free-plots 2] [--driven] [--beside]
+        [--keep FILE] [--page PAGE]
 
 The simulated rig runs at 1 kHz by the machine's clock in the loop's own process, and the recorder writes
 every sample to disk in another. With ``--with-window`` the application's window is open off screen on its
-Acquire tab and draws six plots of 60 s. Lateness is how long after its due time a cycle began; a cycle that
-is a whole period late has lost those in between. The amplifier is off unless ``--driven`` is given: the motor
-then follows a sine under the position loop and all safety checks, which stop it at the first 20 ms that the
-machine holds the loop up. Such a stop is a result: it is counted, and the bench reset, initialised and
-enabled anew as an operator would. Before each measurement a bare loop of waits, without anything of FingerLab
-in it, tells what the machine itself can do. Writes docs/benchmarks-real-time.md.
+Acquire tab and draws six plots of 60 s, and as many free ones as are asked for: a loop, then spectra. With
+``--beside`` another process takes a core meanwhile. Lateness is how long after its due time a cycle began;
+a cycle that is a whole period late has lost those in between. The amplifier is off unless ``--driven`` is
+given: the motor then follows a sine under the position loop and all safety checks, which stop it at the
+first 20 ms that the machine holds the loop up. Such a stop is a result: it is counted, and the bench reset,
+initialised and enabled anew as an operator would. Before each measurement a bare loop of waits, without
+anything of FingerLab in it, tells what the machine itself can do. Writes docs/benchmarks-real-time.md.
 """
 
 from __future__ import annotations
 
 import argparse
 import os
+import subprocess
 import sys
 import tempfile
 import time
@@ -32,8 +35,8 @@ from benchmarks.machine import load_average, used
 from benchmarks.real_time_page import Timed, page
 from fingerlab.acquisition.bench.process_bench import ProcessBench
 from fingerlab.acquisition.control.machine import Enable, Initialise, Mode, Reset, SetUp, Start
-from fingerlab.acquisition.record.recorder import Recorder
-from fingerlab.acquisition.record.recording import RunInfo, SessionInfo
+from fingerlab.acquisition.recorder import Recorder
+from fingerlab.acquisition.recording import RunInfo, SessionInfo
 from fingerlab.acquisition.ring import COLUMN, COLUMNS, Ring, RowFlag
 from fingerlab.acquisition.status import SharedStatus, Slot
 from fingerlab.core.errors import UserError
@@ -192,6 +195,8 @@ def measure(
         watch.running / len(ms),
         drive.stops,
         scheduling(bench.board[Slot.LOOP_PID]),
+        asked.free_plots if window else 0,
+        asked.beside,
     )
 
 
@@ -254,10 +259,28 @@ def with_window(folder: Path, asked: argparse.Namespace) -> Timed:
         tab.toolbar.model_chosen.emit("nominal")
         tab.plots.show_model(True, True)
         tab.plots.set_window(WINDOW_S)
+        for number in range(asked.free_plots):
+            tab.toolbar.arrange.add.click()
+            if number:
+                across = tab.plots.free.plots[number].across
+                across.setCurrentIndex(across.findData("frequency"))
         try:
             return measure(bench, opened.rig, folder, asked, pause, True)
         finally:
             tab.shut_down()
+
+
+@contextmanager
+def another_process(wanted: bool) -> Iterator[None]:
+    """A process beside that takes all of a core that it can have."""
+    if not wanted:
+        yield
+        return
+    with subprocess.Popen([sys.executable, "-c", "while True: pass"]) as process:
+        try:
+            yield
+        finally:
+            process.kill()
 
 
 def sustained(folder: Path) -> dict[int, float]:
@@ -296,12 +319,15 @@ def main() -> None:
     parser.add_argument("--minutes", type=float, default=10.0)
     parser.add_argument("--with-window", action="store_true", help="the window draws meanwhile, off screen")
     parser.add_argument("--driven", action="store_true", help="drive the motor, all safety checks on")
+    parser.add_argument("--free-plots", type=int, default=0, help="so many beside the window's six, up to 4")
+    parser.add_argument("--beside", action="store_true", help="another process takes a core meanwhile")
     keep_option(parser)
     parser.add_argument("--page", type=Path, default=ROOT / "docs" / "benchmarks-real-time.md")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         run = with_window if options.with_window else without_window
-        result = run(Path(folder), options)
+        with another_process(options.beside):
+            result = run(Path(folder), options)
         speeds = sustained(Path(folder))
     results = kept(result, options.keep)
     options.page.write_text(page(results, speeds, RATE_HZ), encoding="utf-8")

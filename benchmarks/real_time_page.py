@@ -14,7 +14,8 @@ class Timed:
     ``busy``, ``stolen``: per cent of the machine that programs used, and that its host kept for others.
     ``bare_ms``: lateness of a bare loop of waits. ``driven``: whether the motor was to run, ``driven_share``
     for how much of the cycles it did, ``stops``: a sentence for each time that the checks stopped it.
-    ``granted``: how the system schedules the loop.
+    ``granted``: how the system schedules the loop. ``free_plots``: so many of the window's, beside the six.
+    ``beside``: whether another process took a core.
     """
 
     window: bool
@@ -35,12 +36,18 @@ class Timed:
     driven_share: float = 0.0
     stops: list[str] = field(default_factory=list)
     granted: str = "before others"
+    free_plots: int = 0
+    beside: bool = False
 
 
 def page(results: list[Timed], speeds: dict[int, float], rate_hz: float) -> str:
     """The measurements as a page of documentation."""
     table = {
-        "window drawing": ["yes" if r.window else "no" for r in results],
+        "window drawing": [
+            f"yes, {6 + r.free_plots} plots, {r.free_plots} of them free" if r.window else "no"
+            for r in results
+        ],
+        "another process takes a core": ["yes" if r.beside else "no" for r in results],
         "motor driven": [
             f"yes, {100 * r.driven_share:.1f} % of the time" if r.driven else "no" for r in results
         ],
@@ -80,8 +87,8 @@ def page(results: list[Timed], speeds: dict[int, float], rate_hz: float) -> str:
 
 TEXT = """# Real time
 
-Made with `python -m benchmarks.real_time`, without and with `--with-window` and `--driven`, on {machine};
-{code}.
+Made with `python -m benchmarks.real_time`, without and with `--with-window`, `--free-plots`, `--driven` and
+`--beside`, on {machine}; {code}.
 Other programs shared the machine, as its load tells: a machine of one's own is more punctual.
 
 The simulated rig at 1 kHz by the machine's clock, every sample recorded. Where the motor is not driven the

@@ -1,11 +1,12 @@
 """Hours of recording in one run, faster than real time: is anything lost, and does the memory stay flat?
 
-    python -m benchmarks.soak [--hours 10] [--processes] [--keep FILE] [--page docs/soak.md]
+    python -m benchmarks.soak [--hours 10] [--processes | --card] [--keep FILE] [--page docs/soak.md]
 
 The simulated rig presses the load cell in a slow sine under position control, through the control loop, the
 safety checks and the recorder that a card would have, and all of it goes into one run of one session.
 By default the loop and the recorder take turns in this process on the virtual clock; with ``--processes``
 they run in processes of their own, as they do behind the window, with the simulated rig as fast as it goes.
+With ``--card`` the finger is at the virtual card, which the real nidaqmx package drives in this process.
 
 A second reader of the ring sums up what the loop published. Afterwards the session is opened anew and has to
 hold just that: as many samples, a millisecond apart, with the same sums. Nothing here is taken from the
@@ -29,13 +30,13 @@ from threading import Event, Thread
 import numpy as np
 import psutil
 
-from benchmarks.benches import in_processes, keep_option, kept, turned_by_hand
+from benchmarks.benches import in_processes, keep_option, kept, on_the_card, turned_by_hand
 from benchmarks.machine import code_words, load_average, machine_words
 from fingerlab.acquisition.bench.bench import Bench
 from fingerlab.acquisition.bench.process_bench import ProcessBench
 from fingerlab.acquisition.protocols.driver import ProtocolDriver
 from fingerlab.acquisition.protocols.steps import plan_steps
-from fingerlab.acquisition.record.recording import SessionInfo
+from fingerlab.acquisition.recording import SessionInfo
 from fingerlab.acquisition.ring import COLUMN, Array, RingReader
 from fingerlab.acquisition.status import Slot
 from fingerlab.sessions import open_session
@@ -88,6 +89,7 @@ class Soaked:
     info: float
     info_mb: float
     load: float
+    card: bool = False
 
     @property
     def first(self) -> float:
@@ -209,12 +211,13 @@ def own_memory(process: psutil.Process) -> float:
     return float(info.rss - getattr(info, "shared", 0)) / 1e6
 
 
-def soak(hours: float, processes: bool, path: Path) -> Soaked:
+def soak(hours: float, processes: bool, card: bool, path: Path) -> Soaked:
     """Record for ``hours`` of rig time into ``path``, and look at what came of it."""
     seconds = 3600.0 * hours
     plan = RunPlan("contact", "flexion", {**SINE, "duration_s": seconds})
     rescue = path.parent / "rescued"
-    bench, rig = in_processes(rescue, real_time=False) if processes else turned_by_hand(rescue)
+    by_hand = on_the_card if card else turned_by_hand
+    bench, rig = in_processes(rescue, real_time=False) if processes else by_hand(rescue)
     begun = time.perf_counter()
     try:
         look = Look(bench, seconds)
@@ -252,6 +255,7 @@ def soak(hours: float, processes: bool, path: Path) -> Soaked:
         info,
         info_mb,
         load_average(),
+        card,
     )
 
 
@@ -307,6 +311,7 @@ def page(results: list[Soaked]) -> str:
     """The results as a page of documentation, one column a soak."""
     table = {
         "hours of rig time": [f"{r.hours:g}" for r in results],
+        "bench": ["virtual card" if r.card else "simulated rig" for r in results],
         "processes": ["three" if r.processes else "one" for r in results],
         "samples published by the loop": [f"{r.published:,}" for r in results],
         "samples in the file": [f"{r.recorded:,}" for r in results],
@@ -333,8 +338,9 @@ def page(results: list[Soaked]) -> str:
 
 TEXT = """# Soak
 
-Hours of recording in one run on the simulated rig, faster than real time: `python -m benchmarks.soak` makes
-this page. Made with {code}, on {machine}, which other programs shared.
+Hours of recording in one run on the simulated rig, and at the virtual card with the simulated finger on its
+connector, faster than real time: `python -m benchmarks.soak`, with and without `--card`, makes this page.
+Made with {code}, on {machine}, which other programs shared.
 
 The finger presses the load cell in a sine of 4 degrees and 1 Hz about 0.8 N, under the position loop and the
 safety checks; loop, recorder and session file are those that a card would have. "One" process: loop and
@@ -353,13 +359,15 @@ machine's load average at the end.
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--hours", type=float, default=10.0, help="of rig time")
-    parser.add_argument("--processes", action="store_true", help="loop and recorder in their own processes")
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument("--processes", action="store_true", help="loop and recorder in their own processes")
+    where.add_argument("--card", action="store_true", help="at the virtual card")
     keep_option(parser)
     parser.add_argument("--folder", type=Path, help="where to record (a temporary folder by default)")
     parser.add_argument("--page", type=Path, default=ROOT / "docs" / "soak.md", help="page to write")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory(dir=options.folder) as folder:
-        result = soak(options.hours, options.processes, Path(folder) / "soak.h5")
+        result = soak(options.hours, options.processes, options.card, Path(folder) / "soak.h5")
     results = kept(result, options.keep)
     options.page.write_text(page(results), encoding="utf-8")
     if not result.good:

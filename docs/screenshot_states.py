@@ -37,8 +37,11 @@ from fingerlab.ui.app.window import MainWindow
 from fingerlab.ui.calibrate.calibrate_tab import CalibrateTab
 from fingerlab.ui.calibrate.result_page import ResultPage
 from fingerlab.ui.fit.fit_tab import FitTab
+from fingerlab.ui.fit.replicate_dialog import ReplicateDialog
 from fingerlab.ui.lab.model_lab_tab import ModelLabTab
 from fingerlab.ui.lab.own_effects import OwnEffects
+from fingerlab.ui.lab.side_by_side import SideBySideDialog
+from fingerlab.ui.predict.models_dialog import ModelsDialog
 from fingerlab.ui.predict.predict_tab import PredictTab
 from fingerlab.ui.sessions.import_dialog import ImportDialog
 from fingerlab.ui.sessions.sessions_tab import SessionsTab
@@ -99,6 +102,9 @@ def acquire_states(window: MainWindow, folder: Path) -> Iterator[str]:
     window.context.hush()
     tab.toolbar.model_chosen.emit("none")
     tab.panel.by_protocol.click()
+    protocol = tab.panel.protocol
+    protocol.which.setCurrentIndex(protocol.which.findData("own_scan"))
+    protocol.scans["amplitude_deg"].setText("5 10 15")
     tab.panel.run.click()
     wait_until(tab.prompt.isVisible)
     tab.plots.tick()
@@ -176,6 +182,12 @@ def lab_states(window: MainWindow, folder: Path) -> Iterator[str]:
     tell_diagnosis("model_lab.added", tab)
     tell_truth("model_lab.added", tab)
     yield "added"
+    tab.view.show_side_by_side()
+    (beside,) = window.findChildren(SideBySideDialog)
+    wait_until(lambda: not window.tasks.busy)
+    pause(300)
+    yield "side-by-side"
+    beside.close()
     tab.view.numbers.click()
     wait_until(lambda: not window.tasks.busy and tab.view.parameters.table.rowCount() > 0)
     tab.view.parameters.slider.setValue(tab.view.parameters.slider.value() + 60)
@@ -348,6 +360,12 @@ def fit_states(window: MainWindow, folder: Path) -> Iterator[str]:
     pause(300)
     read_table(tab.widget, "fit", (4, 5, 6, 7, 14))
     yield ""
+    tab.show_replicate()
+    (again,) = window.findChildren(ReplicateDialog)
+    again.run.click()
+    wait_until(lambda: again.table.rowCount() > 0 and not again._worker.busy)
+    yield "replicate"
+    again.close()
 
 
 def predict_states(window: MainWindow, folder: Path) -> Iterator[str]:
@@ -370,6 +388,11 @@ def predict_states(window: MainWindow, folder: Path) -> Iterator[str]:
     pause(300)
     read_table(tab.widget, "predict", range(3))
     yield ""
+    tab.compare()
+    wait_until(lambda: bool(window.findChildren(ModelsDialog)) and not window.tasks.busy)
+    (compared,) = window.findChildren(ModelsDialog)
+    yield "compared"
+    compared.close()
     wanted = tab.wanted
     tab.views.choose("wanted")
     wanted.panel.model.setCurrentText("with-effect.json: nominal model + Coulomb joint friction")

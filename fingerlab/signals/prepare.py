@@ -225,8 +225,12 @@ def amplitude_density(
     longest = values[max(parts, key=len)]
     if len(longest) < LEAST_FOR_SPECTRUM:
         return None
-    from scipy.signal import welch
-
+    # As scipy.signal.welch, whose import alone would stop a window, and with it the motor, for a second.
     length = min(int(segment_s * rate_hz), len(longest))
-    frequency, density = welch(longest, rate_hz, nperseg=length)
-    return np.asarray(frequency[1:], dtype=float), np.sqrt(np.asarray(density[1:], dtype=float))
+    window = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(length) / length)
+    pieces = np.lib.stride_tricks.sliding_window_view(longest, length)[:: length - length // 2]
+    lines = np.fft.rfft(window * (pieces - pieces.mean(axis=1, keepdims=True)))
+    density = np.mean(np.abs(lines) ** 2, axis=0) * 2.0 / (rate_hz * np.sum(window**2))
+    if length % 2 == 0:
+        density[-1] *= 0.5  # half the rate has no second side
+    return np.asarray(np.fft.rfftfreq(length, 1.0 / rate_hz)[1:]), np.asarray(np.sqrt(density[1:]))

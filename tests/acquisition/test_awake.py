@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -74,6 +75,14 @@ def test_a_system_that_refuses_is_named_once_and_nothing_else_fails(
         assert ["switch sleep off" in notice.sentence for notice in told] == [True]
         assert bench.status().enabled
         seen = bench.status()
+        for lost, said in (
+            (5, []),
+            (20, ["The machine does not hold 1000 Hz: 20 of 10000 cycles were lost"]),
+        ):
+            now = replace(seen, index=9_999, lost=lost)
+            pace = [n.sentence for n in notices(before, now, 1000.0) if n.kind is Kind.PACE]
+            assert [sentence.split(" since")[0] for sentence in pace] == said
+            assert not [n for n in notices(now, now, 1000.0) if n.kind is Kind.PACE]  # told once
         bench.ask(Disable())
         bench.ask(Enable())
         assert not [n for n in notices(seen, bench.status(), 1000.0) if n.kind is Kind.SLEEP]

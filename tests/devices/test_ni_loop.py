@@ -8,7 +8,18 @@ import grpc
 import numpy as np
 import pytest
 
-from fingerlab.acquisition.control.machine import Enable, Initialise, Mode, Release, Reset, Start
+from fingerlab.acquisition.control.machine import (
+    Approach,
+    Enable,
+    Finish,
+    Initialise,
+    Mode,
+    Release,
+    Reset,
+    SetUp,
+    Start,
+    Tare,
+)
 from fingerlab.acquisition.status import Number, Slot
 from fingerlab.devices.ni.card import NiCard
 from fingerlab.devices.simulated import SimulatedBench, Simulation
@@ -82,6 +93,24 @@ def test_a_fast_sine_that_brakes_before_it_has_pulled_hard_is_no_wrong_sense() -
     bench.cycles(2500)
     assert bench.fault == ""
     assert np.ptp(np.degrees(bench.column("motor_position")[-1000:])) == pytest.approx(30.0, abs=3.0)
+
+
+@MODES
+def test_a_finger_that_leaves_what_it_presses_comes_softly_to_rest(text: str) -> None:
+    """Pressing, it asks for ten times the current of its springs; what leaves must not be pushed as hard."""
+    rig = rig_with(text)
+    card = Card(SimulatedBench(Simulation(seed=2, phase="contact"), rig.daq))
+    bench = Driven(NiCard(rig, card.clock, InProcessChannel(Servicer(card))))
+    find = Approach(0.8, math.radians(12.0), math.radians(150.0))
+    for command in (SetUp("contact", "flexion"), Initialise(), Tare(), Enable(), find):
+        assert bench.ask(command) == ""
+    bench.cycles(8000, lambda: bench.board[Slot.APPROACHED] == 1)
+    assert bench.column("endpoint_force")[-1] > 0.5
+    assert bench.ask(Finish()) == ""
+    bench.cycles(4000)
+    assert bench.fault == ""
+    assert np.degrees(bench.column("motor_position")[-4000:]).min() > -18.0
+    assert bench.board.number(Number.FEED_FORWARD) == 0.0
 
 
 @MODES

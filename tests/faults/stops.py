@@ -106,7 +106,9 @@ TEXT = (
 window under an X server with a window manager, and events of that server (XTEST). Whatever the program can
 open is opened, and 0.3 s later STOP is pressed and held, or Escape or the foot switch's key (Pause) is sent.
 The figure is plant time in ms: samples of the ring from before the event to the first with zero set value
-and enable low. {count} stops: median {median} ms, most {most} ms, over 50 ms {over}, not stopped {never};
+and enable low. What the loop has stopped by itself before the event, as other programs held the window up for
+half a second, is taken again.
+{count} stops: median {median} ms, most {most} ms, over 50 ms {over}, not stopped {never};
 an entry picked, a dialog shut by the press or the key, or something that did not open: {wrong}.
 
 | standing open | press | Escape | key |

@@ -13,7 +13,7 @@ from enum import Enum
 from pathlib import Path
 
 from fingerlab.acquisition.control.machine import Command, Mode
-from fingerlab.acquisition.record.recording import RunInfo, SessionInfo, seconds_of_room
+from fingerlab.acquisition.recording import RunInfo, SessionInfo, seconds_of_room
 from fingerlab.acquisition.ring import Ring
 from fingerlab.acquisition.status import Input, Number, SharedStatus, Slot, Text
 from fingerlab.core.errors import UserError
@@ -238,6 +238,7 @@ class Kind(Enum):
     SLEEP = "sleep"
     SENSOR = "sensor"
     RUN = "run"
+    PACE = "pace"
 
 
 @dataclass(frozen=True)
@@ -281,6 +282,12 @@ def notices(before: Status, now: Status, rate_hz: float) -> tuple[Notice, ...]:
     if now.sensors and now.sensors != before.sensors:
         told.append(Notice(Kind.SENSOR, now.sensors))
     told.extend(_of_lines(before, now, rate_hz))
+    if now.enabled and not before.enabled and now.lost > TOO_MANY_LOST * now.index:
+        sentence = (
+            f"The machine does not hold {rate_hz:g} Hz: {now.lost} of {now.index + 1} cycles were lost since "
+            "connecting; close other programs, or expect gaps."
+        )
+        told.append(Notice(Kind.PACE, sentence))
     if now.sleep and now.sleep != before.sleep:
         told.append(Notice(Kind.SLEEP, now.sleep))
     told.extend(_of_room(before, now, rate_hz))
@@ -292,6 +299,9 @@ def notices(before: Status, now: Status, rate_hz: float) -> tuple[Notice, ...]:
         told.append(Notice(Kind.UNREAD, sentence))
     return tuple(told)
 
+
+TOO_MANY_LOST = 1e-3
+"""Share of the cycles (assumed): so few leave every run usable. It is told where the amplifier is enabled."""
 
 STOP_WORDS = {Input.NONE: "not wired", Input.NO: "released", Input.YES: "pressed"}
 READY_WORDS = {Input.NONE: "not wired", Input.NO: "not ready", Input.YES: "ready"}

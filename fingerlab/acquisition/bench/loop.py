@@ -120,6 +120,7 @@ class ControlLoop:
         self._dogs = watchdogs(settings, self._period)
         self._faults = self._run = 0
         self._look_every, self._told = max(1, round(SENSORS_S / self._period)), ""
+        self._in_contact = False
         self._fit()
         self._safety: Safety
         self._sensors: tuple[int, ...]
@@ -238,6 +239,7 @@ class ControlLoop:
         """What depends on how the device takes its commands, and on the lines that it has."""
         hold, lines = cycles_per_command(self.device), safety_lines(self.device)
         self._steering = Steering(self.settings, self._period, hold, self._board)
+        self._steering.in_contact = self._in_contact
         self._blocks = self.device if isinstance(self.device, ReadInBlocks) else None
         self._interlock = Interlock(lines, self._period, hold)
         self._beat: Callable[[], None] | None = None
@@ -456,6 +458,7 @@ class ControlLoop:
             self.device.set_up(command.phase, command.cable, command.load_torque, *change)
         self._board[Slot.SET_AT] = self._reader.index + 1
         self._cable = command.cable != "none"
+        self._in_contact = self._steering.in_contact = command.phase == "contact"
         self._safety = safety_checks(
             self.settings.limits,
             self.device.rate_hz,

@@ -144,6 +144,7 @@ class Steering:
 
     Attributes:
         reference: the wanted angle, rad. amps, volts: the present current command and set value.
+        in_contact: nothing is fed forward, for a finger that leaves what it presses is another one at once.
     """
 
     def __init__(self, settings: LoopSettings, period: float, hold: int, board: SharedStatus) -> None:
@@ -151,6 +152,7 @@ class Steering:
         self._settings = settings
         self._tell_gains(settings.gains, board)
         self.reference = Reference(period)
+        self.in_contact = self._resting = False
         self.amps = self.volts = 0.0
         self._units, self._hold, self._board = settings.units, hold, board
         board[Slot.HOLD] = hold
@@ -209,6 +211,7 @@ class Steering:
         self._joints, self._moving = [], 0
         self._most = command.current if isinstance(command, TakeUp) else math.inf
         self._board[Slot.APPROACHED] = 0
+        self._resting = False
         if not moving:
             self._controller.reset()
             self._know_nothing()
@@ -256,7 +259,7 @@ class Steering:
     def _beforehand(self, position: float) -> float:
         """By how much more than the last command is known to be needed, A; the motor is at ``position``."""
         known = self._known
-        if known is None or self._winding is not None:
+        if known is None or self.in_contact or self._resting or self._winding is not None:
             return 0.0
         reference = self.reference
         more = known.more(position, self.amps, reference.ahead(self._lead), reference.acceleration)
@@ -270,7 +273,7 @@ class Steering:
 
     def rest(self, position: float) -> None:
         """Begin a soft stop of a motor at ``position`` (rad)."""
-        self._winding, self._most = None, math.inf
+        self._winding, self._most, self._resting = None, math.inf, True
         if self._pulling:  # the position loop takes over where the motor is, with the current that it has
             self._pulling = False
             self._controller.take_over(self.amps)

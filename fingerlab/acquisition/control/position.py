@@ -263,18 +263,16 @@ LEAST_MOTION = math.radians(0.2)
 
 
 LARGEST_SLOPE = 3.0
-"""A/rad (assumed): twice that of the stiffest simulated finger on air. In contact, where a loop of 1 kHz
-pushes with some 10, more would lift a fingertip off that presses with 0.8 N."""
+"""A/rad (assumed): twice that of the stiffest simulated finger on air."""
 
 
 class FeedForward:
     """The current that a motion will need: for the inertia, and for springs as far as they have been felt.
 
-    A loop that is slowed is little stiffer than the finger: of a sine of 1 Hz two thirds were left. No rig
-    file knows how stiff a finger is at the pulley, for that takes the cable's moment arms, and in contact it
-    is stiffer by far. So it is learned: the slope of the commanded current over the motor's angle, as their
-    running means have it. Nothing is fed back: the wanted motion times bounded numbers cannot make a steady
-    loop unsteady.
+    A loop that is slowed is little stiffer than the finger: of a sine of 1 Hz two thirds were left. No
+    rig file knows how stiff a finger is at the pulley, for that takes the cable's moment arms. So it is
+    learned: the slope of the commanded current over the motor's angle, as their running means have it.
+    Nothing is fed back: the wanted motion times bounded numbers cannot make a steady loop unsteady.
 
     Args:
         period: of a command, s. inertia: A for each rad/s^2.

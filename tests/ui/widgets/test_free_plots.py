@@ -12,6 +12,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QCheckBox, QComboBox, QToolButton, QWidget
 from pytestqt.qtbot import QtBot
+from scipy.signal import welch
 
 from fingerlab.signals.prepare import amplitude_density
 from fingerlab.ui.app.context import Settings
@@ -71,6 +72,11 @@ def test_a_line_and_noise_in_a_spectrum_have_the_amplitude_that_they_have() -> N
     line = np.abs(frequency - 7.0) < 1.0
     assert float(np.sum(amplitude[line] ** 2) * 0.25) == pytest.approx(2.0, rel=0.05)
     assert frequency[int(np.argmax(amplitude))] == 7.0
+    for length, segment in ((40_000, 4.0), (1999, 1.001), (300, 4.0)):  # even, odd, one piece alone
+        ours = amplitude_density(noise[:length], rate, segment)
+        assert ours is not None
+        theirs = welch(noise[:length], rate, nperseg=min(int(segment * rate), length))
+        np.testing.assert_allclose(ours, (theirs[0][1:], np.sqrt(theirs[1][1:])), rtol=1e-9)
     broken = noise.copy()
     broken[5000:5010] = np.nan  # the longest stretch without a gap
     assert amplitude_density(broken, rate) is not None
