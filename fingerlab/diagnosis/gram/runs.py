@@ -310,18 +310,33 @@ def pair_sums(
 
     Constants are taken out: the sensors are set anew where a machine is changed.
     """
+    common = in_common(before, after)
+    return None if common is None else sums_of_difference(numbers, group, *common)
+
+
+def in_common(before: Decimated, after: Decimated) -> tuple[Array, Array] | None:
+    """Signals of both where the cable is taut and the motor moves in both, (n, signals) each."""
     count = min(len(before.time), len(after.time))
     common = (before.taut & ~before.rest)[:count] & (after.taut & ~after.rest)[:count]
     if common.sum() < 2:
         return None
-    first, second = before.columns[:count][common], after.columns[:count][common]
-    return sums_of_difference(numbers, group, first, second)
+    return before.columns[:count][common], after.columns[:count][common]
+
+
+def difference_alone(first: Array, second: Array) -> Sums:
+    """The sums over their difference, see :class:`PairSums`."""
+    apart = _apart(first, second)
+    return Sums(apart.T @ apart, taut_samples=len(apart))
+
+
+def _apart(first: Array, second: Array) -> Array:
+    apart = (second - first) / np.sqrt(2.0)
+    return np.asarray(apart - apart.mean(axis=0))
 
 
 def sums_of_difference(numbers: tuple[int, int], group: GroupKey, first: Array, second: Array) -> PairSums:
     """The sums over two runs' signals at the same moments, (n, signals) each."""
-    apart = (second - first) / np.sqrt(2.0)
-    apart = apart - apart.mean(axis=0)
+    apart = _apart(first, second)
     mean = 0.5 * (first + second)
     mean = mean - mean.mean(axis=0)
     sums = Sums(apart.T @ apart, taut_samples=len(apart))
