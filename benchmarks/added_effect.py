@@ -3,11 +3,12 @@
     python -m benchmarks.added_effect BASE [--session S.h5] [--effect ID] [--repeats 5]
 
 BASE is a git worktree of the earlier revision that its own Python can run (``BASE/.venv`` or this one). Both
-programs take turns in processes of their own, so that what else the machine does strikes both alike; ratios
-of the quickest are told. Processor time is kept beside wall time for the same reason.
+programs take turns in processes of their own, so that what else the machine does strikes both alike; the
+quickest of each is told. Processor time is kept beside wall time for the same reason. Writes its section of
+docs/benchmarks.md.
 
-``add`` is what the window does after a first diagnosis of the same sessions, curves and proposal included;
-``diagnose`` is the command, with and without ``--add``.
+An addition is what the window does after a first diagnosis of the same sessions, curves and proposal
+included: until the new bar stands there, and until all is told. ``diagnose`` is the command with its start.
 """
 
 from __future__ import annotations
@@ -18,31 +19,47 @@ import os
 import subprocess
 import sys
 import tempfile
+import time
 from pathlib import Path
 
-from benchmarks.machine import load_average, machine_words
+from benchmarks.machine import ADDED, BUSY_LOAD, code_words, load_average, machine_words, with_section
 
 ROOT = Path(__file__).resolve().parent.parent
-ADDING = """
-import json, sys, time
+PAGE = ROOT / "docs" / "benchmarks.md"
+MEASURING = """
+import inspect, json, sys, time
+from fingerlab.diagnosis import diagnose
+from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.sessions import open_session
-try:
-    from fingerlab.diagnosis import diagnose
-except ImportError:
-    from fingerlab.identify.diagnosis import diagnose
-sessions = (open_session(sys.argv[1]),)
-known = {}
-try:
-    from fingerlab.diagnosis.gram.reduction import Reduction
-    known["kept"] = Reduction(sessions)
-except ImportError:
-    pass
-diagnose(sessions, **known)
-wall, processor = time.perf_counter(), time.process_time()
-diagnose(sessions, (sys.argv[2],), **known)
-print(json.dumps([time.perf_counter() - wall, time.process_time() - processor]))
+
+def now():
+    return time.perf_counter(), time.process_time()
+
+def since(then):
+    return [b - a for a, b in zip(then, now())]
+
+sessions, seen, more = (open_session(sys.argv[1]),), [], {}
+kept = Reduction(sessions)
+then = now()
+diagnose(sessions, kept=kept)
+told = {"whole": since(then)}
+then = now()
+if "first" in inspect.signature(diagnose).parameters:
+    more["first"] = lambda look: seen.append(since(then))
+diagnose(sessions, (sys.argv[2],), kept=kept, **more)
+told["added"] = since(then)
+told["look"] = seen[0] if seen else told["added"]
+print(json.dumps(told))
 """
-"""Run in either program; the earlier one keeps nothing of a session between two diagnoses."""
+"""Run in either program; an earlier one may tell nothing before all is told."""
+STEPS = {
+    "look": "an effect added: the bar falls",
+    "added": "an effect added: all is told",
+    "whole": "the first diagnosis in the window",
+    "command": "`fingerlab diagnose`",
+}
+Seconds = tuple[float, float]
+"""On the wall and of the processor."""
 
 
 def python_of(root: Path) -> str:
@@ -59,40 +76,63 @@ def run(root: Path, words: list[str]) -> str:
     return done.stdout
 
 
-def added(root: Path, session: Path, effect: str) -> tuple[float, float]:
-    """Wall and processor time of an added effect after a first diagnosis, s."""
-    wall, processor = json.loads(run(root, ["-c", ADDING, str(session), effect]))
-    return wall, processor
+def measured(root: Path, session: Path, effect: str) -> dict[str, Seconds]:
+    """All steps once."""
+    found = {
+        name: tuple(told)
+        for name, told in json.loads(run(root, ["-c", MEASURING, str(session), effect])).items()
+    }
+    wall, processor = time.perf_counter(), os.times()
+    run(root, ["-m", "fingerlab", "diagnose", str(session), "--json", "-"])
+    spent = [after - before for before, after in zip(processor, os.times(), strict=True)]
+    return {**found, "command": (time.perf_counter() - wall, spent[2] + spent[3])}
 
 
-def diagnosed(root: Path, session: Path, *more: str) -> tuple[float, float]:
-    """Wall time of the command by its own account, s, twice: its processes are not looked at."""
-    said = json.loads(run(root, ["-m", "fingerlab", "diagnose", str(session), *more, "--json", "-"]))
-    return said["seconds"], said["seconds"]
+def quickest(turns: list[dict[str, Seconds]], step: str) -> Seconds:
+    """The least of each; what else the machine does only ever takes time."""
+    return min(one[step][0] for one in turns), min(one[step][1] for one in turns)
+
+
+def section(pairs: list[tuple[dict[str, Seconds], dict[str, Seconds]]], head: str) -> str:
+    """The measurements as Markdown."""
+    lines = [
+        head,
+        "",
+        "| step | wall before, s | wall, s | processor before, s | processor, s | share of it |",
+    ]
+    lines.append("|---|---|---|---|---|---|")
+    for step, title in STEPS.items():
+        before, after = (quickest([pair[k] for pair in pairs], step) for k in (0, 1))
+        cells = before[0], after[0], before[1], after[1], after[1] / before[1]
+        lines.append(f"| {title} | " + " | ".join(f"{cell:.2f}" for cell in cells) + " |")
+    return "\n".join([*lines, ""])
 
 
 def main() -> None:
-    """Measure both in turns and print a table."""
+    """Measure both in turns and write a table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("base", type=Path)
     parser.add_argument("--session", type=Path)
     parser.add_argument("--effect", default="coulomb_friction")
     parser.add_argument("--repeats", type=int, default=5)
     asked = parser.parse_args()
+    base, load = asked.base.resolve(), load_average()
     with tempfile.TemporaryDirectory() as folder:
         session = (asked.session or simulated(Path(folder), asked.effect)).resolve()
-        steps = {
-            "add": lambda root: added(root, session, asked.effect),
-            "diagnose": lambda root: diagnosed(root, session),
-            "diagnose --add": lambda root: diagnosed(root, session, "--add", asked.effect),
-        }
-        print(f"{machine_words()}, load {load_average():.1f} at the start")
-        print("| step | before, s | after, s | ratio | ratio of processor time |\n|---|---|---|---|---|")
-        for name, step in steps.items():
-            pairs = [(step(asked.base.resolve()), step(ROOT)) for _ in range(asked.repeats)]
-            before, after = (min(pair[k][0] for pair in pairs) for k in (0, 1))
-            share = min(pair[1][1] for pair in pairs) / min(pair[0][1] for pair in pairs)
-            print(f"| {name} | {before:.2f} | {after:.2f} | {after / before:.2f} | {share:.2f} |", flush=True)
+        pairs = []
+        for _ in range(asked.repeats):
+            before = measured(base, session, asked.effect)
+            pairs.append((before, measured(ROOT, session, asked.effect)))
+    what = session.name if asked.session else f"a simulated session of the thesis' size with {asked.effect}"
+    head = (
+        f"Made with `python -m benchmarks.added_effect` on {machine_words()}, load average {load:.1f} "
+        f"before, {load_average():.1f} after; {code_words()}, in turns with {code_words(base)}, on {what}: "
+        f"{asked.effect} is added after a first diagnosis. The quickest of {asked.repeats} turns."
+        + (" Other programs shared the machine: compare the processor's times." if load >= BUSY_LOAD else "")
+    )
+    text = section(pairs, head)
+    print(text)
+    PAGE.write_text(with_section(PAGE.read_text(encoding="utf-8"), ADDED, text), encoding="utf-8")
 
 
 def simulated(folder: Path, effect: str) -> Path:

@@ -20,6 +20,8 @@ ROOT = Path(__file__).resolve().parent.parent
 Frame = tuple[float, float]
 """Milliseconds on the wall, and of the processor."""
 
+BUSY_LOAD = 1.5
+"""From this load average on, other programs are taken to share the machine."""
 LOOPS = 400_000
 SLICES = 20
 
@@ -113,7 +115,7 @@ class Watch:
         return times.user + times.system + times.children_user + times.children_system
 
 
-def code_words() -> str:
+def code_words(root: Path = ROOT) -> str:
     """Version and, in a checkout with git, the commit: with which code something was measured."""
     asked = (
         ("rev-parse", "--short", "HEAD"),
@@ -122,13 +124,22 @@ def code_words() -> str:
     try:
         commit, changed = (
             subprocess.run(
-                ["git", *words], cwd=ROOT, capture_output=True, text=True, check=True
+                ["git", *words], cwd=root, capture_output=True, text=True, check=True
             ).stdout.strip()
             for words in asked
         )
     except (OSError, subprocess.CalledProcessError):
         return f"FingerLab {fingerlab.__version__}"
     return f"FingerLab {fingerlab.__version__}, commit {commit}{' and changes' if changed else ''}"
+
+
+ADDED = "## An effect that is added"
+"""The section of docs/benchmarks.md that ``added_effect`` writes; it stands last."""
+
+
+def with_section(page: str, heading: str, text: str) -> str:
+    """A page in Markdown with this text as its last section, in place of one with the same heading."""
+    return f"{page.partition(heading)[0].rstrip()}\n\n{heading}\n\n{text}" if text else page
 
 
 def machine_words() -> str:

@@ -35,8 +35,8 @@ from benchmarks.machine import load_average, used
 from benchmarks.real_time_page import Timed, page
 from fingerlab.acquisition.bench.process_bench import ProcessBench
 from fingerlab.acquisition.control.machine import Enable, Initialise, Mode, Reset, SetUp, Start
-from fingerlab.acquisition.record.recorder import Recorder
-from fingerlab.acquisition.record.recording import RunInfo, SessionInfo
+from fingerlab.acquisition.recorder import Recorder
+from fingerlab.acquisition.recording import RunInfo, SessionInfo
 from fingerlab.acquisition.ring import COLUMN, COLUMNS, Ring, RowFlag
 from fingerlab.acquisition.status import SharedStatus, Slot
 from fingerlab.core.errors import UserError

@@ -24,7 +24,7 @@ from pathlib import Path
 
 import psutil
 
-from benchmarks.machine import code_words, load_average, machine_words
+from benchmarks.machine import ADDED, BUSY_LOAD, code_words, load_average, machine_words, with_section
 from fingerlab.sessions import SessionWriter, open_session
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -41,8 +41,6 @@ LOOK_S = 0.1
 REPEATS = 3
 """So often the start and the smallest size are measured; the quickest counts, for what else the machine does
 only ever takes time."""
-BUSY_LOAD = 1.5
-"""From this load average on, other programs are taken to share the machine."""
 
 
 @dataclass(frozen=True)
@@ -222,7 +220,9 @@ def main() -> None:
                 path.unlink()
     loads = before, load_average()
     target = ROOT / "docs" / "benchmarks.md"
-    target.write_text(page(results, sizes, loads, twin_speed()), encoding="utf-8")
+    other = target.read_text(encoding="utf-8").partition(ADDED)[2].strip()  # that another program has made
+    text = page(results, sizes, loads, twin_speed())
+    target.write_text(with_section(text, ADDED, f"{other}\n" if other else ""), encoding="utf-8")
 
 
 if __name__ == "__main__":

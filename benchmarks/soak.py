@@ -36,7 +36,7 @@ from fingerlab.acquisition.bench.bench import Bench
 from fingerlab.acquisition.bench.process_bench import ProcessBench
 from fingerlab.acquisition.protocols.driver import ProtocolDriver
 from fingerlab.acquisition.protocols.steps import plan_steps
-from fingerlab.acquisition.record.recording import SessionInfo
+from fingerlab.acquisition.recording import SessionInfo
 from fingerlab.acquisition.ring import COLUMN, Array, RingReader
 from fingerlab.acquisition.status import Slot
 from fingerlab.sessions import open_session

@@ -189,7 +189,7 @@ def checked(
 def _open(choice: DeviceChoice, rig: Rig) -> Bench:
     """The bench with its loop, limits and guardian; a rehearsal without questions waits for no clock."""
     from fingerlab.acquisition.check_rig.look import check_settings
-    from fingerlab.acquisition.record.recording import rescue_folder
+    from fingerlab.acquisition.recording import rescue_folder
 
     settings = check_settings(rig)
     if choice.simulated and not choice.real_time:

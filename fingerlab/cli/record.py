@@ -194,7 +194,7 @@ def _initial(rig: Rig, angles: Mapping[str, float]) -> Initialise:
 
 def _beginning(options: Mapping[str, Any]) -> Beginning:
     from fingerlab.acquisition.protocols.driver import Beginning
-    from fingerlab.acquisition.record.recording import read_level
+    from fingerlab.acquisition.recording import read_level
 
     level = options["trigger"]
     return Beginning(options["pre_trigger"], None if level is None else read_level(level))
@@ -228,7 +228,7 @@ def _open(
     from fingerlab.acquisition.bench.steering import LoopSettings
     from fingerlab.acquisition.check_rig.walk import bench_key, checks_folder, last_check
     from fingerlab.acquisition.control.position import BenchUnits
-    from fingerlab.acquisition.record.recording import rescue_folder
+    from fingerlab.acquisition.recording import rescue_folder
     from fingerlab.calibration.store import default_folder, rig_and_attributes
     from fingerlab.devices.protocol import SelfDescribing
 

@@ -432,7 +432,7 @@ def _write(bench: Bench, out: Path, writing: _Writing) -> Path:
 
 
 def _info(rig: Rig, told: Told, device: str) -> Any:
-    from fingerlab.acquisition.record.recording import SessionInfo
+    from fingerlab.acquisition.recording import SessionInfo
 
     title = told.title or f"{told.name} protocol on {device}"
     now = datetime.now().astimezone().isoformat(timespec="seconds")

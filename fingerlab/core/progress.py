@@ -1,6 +1,6 @@
 """Long calculations: where they report, how they are stopped, and a second process that takes a share.
 
-Threads do not help there: thousands of short array operations wait for one interpreter lock. Nothing heavy is
+Threads would not help: thousands of short array operations wait for one interpreter lock. Nothing heavy is
 imported here, so that the second process can start first of all. Processes are spawned, as Windows does.
 """
 

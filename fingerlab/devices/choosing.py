@@ -1,8 +1,8 @@
 """What there is to drive, own devices included, and which to use, as values that a process can build.
 
-The file is run where it is named, and nowhere else: it moves a motor, and should have been read by whoever
-names it. Who writes ``own:FILE`` in a command has named it; where it is chosen from a list, as in the window,
-:func:`confirm` remembers that its user let exactly this content be run.
+A file of one's own is run where it is named, and nowhere else: it moves a motor, and should have been read by
+whoever names it. Who writes ``own:FILE`` in a command has named it; where it is chosen from a list, as in the
+window, :func:`confirm` remembers that its user let exactly this content be run.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """What the simulated rig has around the finger: a charge pump at the dead-man's line, and faults by cycle.
 
-Each rising edge moves charge from the coupling to the storage capacitor, which a resistor empties;
-a comparator lets the amplifier's enable through while there is enough. A line that stands still, high or low,
-moves nothing.
+Each rising edge of the line moves charge from the coupling to the storage capacitor, which a resistor
+empties; a comparator lets the amplifier's enable through while there is enough. A line that stands still,
+high or low, moves nothing.
 """
 
 from __future__ import annotations

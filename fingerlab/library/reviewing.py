@@ -1,9 +1,10 @@
 """The review of a run: hours of curves without reading their samples, markers, values at a time, strokes.
 
-The finest level has one pair for :data:`BASE` samples, each further level one for :data:`FACTOR` times as
-many. Ten hours at 1 kHz (36 million samples) are 281,250 pairs, with the coarser levels 3.0 MB a channel in
-single precision; the samples would be 288 MB. A view so narrow that :data:`BASE` samples are wider than a
-pixel is read from the file: at most :data:`MOST_SAMPLES`.
+What a long run shows from afar is its smallest and largest values, in levels. The finest has one pair for
+:data:`BASE` samples, each further level one for :data:`FACTOR` times as many. Ten hours at 1 kHz (36 million
+samples) are 281,250 pairs, with the coarser levels 3.0 MB a channel in single precision; the samples would be
+288 MB. A view so narrow that :data:`BASE` samples are wider than a pixel is read from the file: at most
+:data:`MOST_SAMPLES`.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Endpoint force of contact runs from an extended model, and that model fitted from sessions and effects.
 
-Every run is predicted by values that have not seen it, wherever there are such; and as the contact force
-leans further and further (thesis figure 5.2).
+Every run is predicted by values that have not seen it, wherever there are such; and once more with a contact
+force that leans further and further (thesis figure 5.2).
 """
 
 from __future__ import annotations
@@ -340,9 +340,8 @@ def _fit(
         trials = [_first(scorer, whole, count) for count in counts]
         hashes = hash_sessions(sessions)
         names = [h.sha256 for h in hashes]
-        by_session = {id(s): sha256 for s, sha256 in zip(sessions, names, strict=True)}
-        read = {id(s): sha256 for s, sha256 in zip(reduction.sessions, names, strict=True)}
-        folds = _contact_folds(scorer, reduction.sessions, read)
+        by_session = {s.path: sha256 for s, sha256 in zip(sessions, names, strict=True)}
+        folds = _contact_folds(scorer, reduction.sessions, by_session)
         done: list[Variant] = []
         for number, trial in enumerate([nominal, *(t for t in trials if t.choices)]):
             tell(0.7 + 0.3 * number / (len(trials) + 1), "calibrating the interval")
@@ -371,7 +370,7 @@ class _LeftOut:
     runs: tuple[tuple[str, str], ...]
 
 
-def _contact_folds(scorer: Scorer, sessions: Sequence[Session], hashes: Mapping[int, str]) -> list[_LeftOut]:
+def _contact_folds(scorer: Scorer, sessions: Sequence[Session], hashes: Mapping[Path, str]) -> list[_LeftOut]:
     """Contact runs as :func:`deal_runs` dealt them to folds; none of a group with a single fold."""
     names = {g.key: [f.runs for f in g.folds] for g in scorer.reduced.groups}
     pairs = runs_to_analyse(sessions)[0]
@@ -381,7 +380,7 @@ def _contact_folds(scorer: Scorer, sessions: Sequence[Session], hashes: Mapping[
         if run.name not in names[key][k]:
             raise AssertionError(f"run {run.name} is not in fold {k} of {key}")
         if run.phase == "contact" and len(names[key]) > 1:
-            dealt.setdefault((key, k), []).append((hashes[id(session)], run.name))
+            dealt.setdefault((key, k), []).append((hashes[session.path], run.name))
     return [_LeftOut(key, k, tuple(runs)) for (key, k), runs in dealt.items()]
 
 
@@ -421,10 +420,10 @@ def _estimates(trial: FittedModel) -> dict[str, ParameterEstimate]:
     return every_parameter(trial, temperature(trial.misfit, trial.count))
 
 
-def _calibrated(variant: Variant, sessions: Sequence[Session], hashes: Mapping[int, str]) -> Variant:
+def _calibrated(variant: Variant, sessions: Sequence[Session], hashes: Mapping[Path, str]) -> Variant:
     """The variant with the weight of the two equations and the band of its held-out contact runs."""
     forces = [
-        f for s in sessions for f in contact_forces(variant, s, hashes[id(s)], str(s.path)) if f.held_out
+        f for s in sessions for f in contact_forces(variant, s, hashes[s.path], str(s.path)) if f.held_out
     ]
     weight = equation_weight(forces)
     errors = [error_of(f.both(weight), f.measured, f.rate_hz) for f in forces]

@@ -1,7 +1,8 @@
 """Sessions compared, in words: run by run, over a batch, and beside the numbers that the thesis printed.
 
-A number is outside where it is further from the published value than the published deviation over runs. Where
-the thesis prints no deviation, the tolerance below holds in its place; each says where it comes from.
+A number of the thesis is met or not: it is outside where it is further from the published value than the
+published deviation over runs. Where the thesis prints no deviation, the tolerance below holds in its place;
+each says where it comes from.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Figures of endpoint force, measured and modelled; and all that the thesis drew of its analysis, by name.
 
-Each function takes a :class:`ThesisAnalysis` and returns a figure, or None where the session cannot give
-it: no contact run, no static region, nothing that repeats.
+Each function of the thesis' figures takes a :class:`ThesisAnalysis` and returns a figure, or None where the
+session cannot give it: no contact run, no static region, nothing that repeats.
 """
 
 from __future__ import annotations

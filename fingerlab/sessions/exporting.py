@@ -1,7 +1,7 @@
 """A session copied whole, or given to other tools: CSV, text, Parquet or MATLAB.
 
-Beside them stand ``NAME.json`` with everything that is not a sample, and, where the session holds groups
-or datasets that the format does not know, ``NAME-extra.h5`` with those as they were.
+Beside the files for other tools stand ``NAME.json`` with everything that is not a sample, and, where the
+session holds groups or datasets that the format does not know, ``NAME-extra.h5`` with those as they were.
 """
 
 from __future__ import annotations

@@ -7,7 +7,8 @@ pooled) enters by the cluster-robust sandwich estimator, which allows any correl
 every period* is misfit of the model that no further period averages away: it counts once, as the
 low-pass leaves two independent values per cycle of its cut-off (2 x 5 Hz) and not as many as samples.
 
-First what can be asked of it (method, delay and threshold); last the few seconds that are kept for figures.
+Of a run stand here first what can be asked of it (method, delay, threshold), last the seconds kept for
+figures.
 """
 
 from __future__ import annotations

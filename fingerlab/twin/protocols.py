@@ -1,9 +1,9 @@
 """What a simulated session is ordered by: the preset of a bench, and the protocol of its runs.
 
-The first row names the columns: ``phase``, ``cable``, ``runs`` (how often, 1), ``load_torque`` (N m, of a
-motor bench), and any key of a trajectory, such as ``kind``, ``amplitude_deg`` or ``file``. What is left empty
-has its usual value. A number may be a scan, with a run for each of its values, one scan within the other
-where a row has several:
+A table of one's own is text. Its first row names the columns: ``phase``, ``cable``, ``runs`` (how often, 1),
+``load_torque`` (N m, of a motor bench), and any key of a trajectory, such as ``kind``, ``amplitude_deg`` or
+``file``. What is left empty has its usual value. A number may be a scan, with a run for each of its values,
+one scan within the other where a row has several:
 
 =====================  ====================================
 ``0.5 1 2``            these values

@@ -1,6 +1,6 @@
 """Simulated recordings: runs of a plan on one bench, whole or one sample at a time.
 
-The physics are those of a simulated recording, step for step; noise is drawn from the same
+One sample at a time has the physics of a whole recording, step for step; noise is drawn from the same
 distributions but in another order, since nobody knows how long a stream will be.
 """
 

@@ -27,7 +27,7 @@ from fingerlab.acquisition.protocols.steps import (
     scan_runs,
     steps_from,
 )
-from fingerlab.acquisition.record.recording import SessionInfo
+from fingerlab.acquisition.recording import SessionInfo
 from fingerlab.core.errors import UserError
 from fingerlab.devices.simulated import SimulatedBench, Simulation
 from fingerlab.rig.daq import Limits

@@ -23,7 +23,7 @@ from fingerlab.acquisition.control.trajectories import read_trajectory
 from fingerlab.acquisition.protocols.driver import Beginning
 from fingerlab.acquisition.protocols.script import Order, read_order
 from fingerlab.acquisition.protocols.steps import plan_steps
-from fingerlab.acquisition.record.recording import Level, crossings, read_level
+from fingerlab.acquisition.recording import Level, crossings, read_level
 from fingerlab.cli.common import progress_bar
 from fingerlab.cli.record import record
 from fingerlab.cli.record_session import Events, Told, _Writing, take

@@ -16,8 +16,8 @@ import numpy as np
 import pytest
 
 from fingerlab.acquisition.control.machine import Mode
-from fingerlab.acquisition.record.recorder import Recorder
-from fingerlab.acquisition.record.recording import RunInfo, SessionInfo
+from fingerlab.acquisition.recorder import Recorder
+from fingerlab.acquisition.recording import RunInfo, SessionInfo
 from fingerlab.acquisition.ring import COLUMN, COLUMNS, Ring, RowFlag
 from fingerlab.acquisition.status import Number, SharedStatus, Slot, Text
 from fingerlab.core.errors import UserError
@@ -314,7 +314,7 @@ def test_a_disk_that_is_really_full(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     if shutil.which("mount") is None or subprocess.run(mount, capture_output=True).returncode:
         pytest.skip("mounting a small file system is not allowed here")
     try:
-        monkeypatch.setattr("fingerlab.acquisition.record.recorder.LEAST_FREE_BYTES", 0)
+        monkeypatch.setattr("fingerlab.acquisition.recorder.LEAST_FREE_BYTES", 0)
         bench = Bench(small)
         bench.open()
         bench.begin(0)

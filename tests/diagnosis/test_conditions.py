@@ -81,9 +81,9 @@ def test_the_score_is_told_for_every_motion_and_they_make_up_the_whole() -> None
     session = made.session(made.Bench(missing=made.Missing(viscous=(3e-3, 2e-3))))
     scorer = Scorer(reduce_sessions([session], []))
     trial = scorer.fit([])
-    assert held_out_runs([session], scorer.reduced, trial) == ()  # not scored yet
+    assert held_out_runs(session.runs, scorer.reduced, trial) == ()  # not scored yet
     trial = scorer.score_held_out(trial)
-    rows = held_out_runs([session], scorer.reduced, trial)
+    rows = held_out_runs(session.runs, scorer.reduced, trial)
     assert sorted(name for row in rows for name in row.runs) == sorted(run.name for run in session.runs)
     known = {run.name: run for run in session.runs}
     for row in rows:

@@ -77,7 +77,7 @@ def test_parts_of_the_score_sum_to_its_square() -> None:
     session = made.session(made.Bench(missing=made.Missing(viscous=(2e-3, 1e-3))), 4)
     scorer = Scorer(reduce_sessions([session], []))
     fitted = scorer.score_held_out(scorer.fit_reweighted([]), residuals=True)
-    parts = score_parts([session], scorer.reduced, fitted)
+    parts = score_parts(session.runs, scorer.reduced, fitted)
     assert 1.0 + sum(part.squared for part in parts) == pytest.approx(fitted.score**2, rel=1e-9)
     runs = {part.runs: part.samples for part in parts}
     assert sorted(name for names in runs for name in names) == sorted(run.name for run in session.runs)

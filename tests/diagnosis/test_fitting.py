@@ -196,3 +196,15 @@ def test_all_bounds_at_once_give_the_same_step_as_one_after_the_other(
             patch.setattr(solver, "_pivoted", lambda *_: None)
             slow = bounded_step(*problem)
         assert quick == pytest.approx(slow, abs=1e-5)
+
+
+def test_a_step_that_goes_in_circles_is_where_all_its_turns_would_have_ended(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Without a minimum bounds are exchanged for ever: (0.8, -0.6, 1) is where 40 and 18 turns end."""
+    solve, asked = np.linalg.solve, []
+    monkeypatch.setattr(np.linalg, "solve", lambda *a: asked.append(None) or solve(*a))
+    saddle = np.array([[2.0, 1.0, 2.0], [1.0, 3.0, -1.0], [2.0, -1.0, 2.0]])
+    found = bounded_step(np.zeros(3), np.array([-3.0, 2.0, 2.0]), saddle, -np.ones(3), np.ones(3))
+    assert found == pytest.approx([0.8, -0.6, 1.0], abs=1e-8)
+    assert len(asked) < 15

@@ -22,8 +22,8 @@ from unittest import mock
 import numpy as np
 
 from fingerlab.acquisition.control.machine import SetUp
-from fingerlab.acquisition.record.recorder import Recorder
-from fingerlab.acquisition.record.recording import RunInfo, SessionInfo
+from fingerlab.acquisition.recorder import Recorder
+from fingerlab.acquisition.recording import RunInfo, SessionInfo
 from fingerlab.acquisition.status import Slot, Text
 from fingerlab.core.errors import UserError
 from fingerlab.devices.faults import ChargePump, Faults, LineFault

@@ -17,7 +17,7 @@ from fingerlab.acquisition.bench.process_bench import ProcessBench
 from fingerlab.acquisition.bench.steering import LoopSettings
 from fingerlab.acquisition.control.machine import Enable, Initialise, SetUp, Start
 from fingerlab.acquisition.control.position import BenchUnits
-from fingerlab.acquisition.record.recording import RunInfo, SessionInfo
+from fingerlab.acquisition.recording import RunInfo, SessionInfo
 from fingerlab.core.errors import UserError
 from fingerlab.devices.choosing import choose_device
 from fingerlab.rig.daq import Limits

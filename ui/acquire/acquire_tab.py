@@ -30,7 +30,7 @@ from fingerlab.acquisition.control.machine import (
 from fingerlab.acquisition.control.position import Gains
 from fingerlab.acquisition.protocols.driver import find_contact, take_up_slack
 from fingerlab.acquisition.protocols.steps import countdown, prompt_of
-from fingerlab.acquisition.record.recording import what_was_saved
+from fingerlab.acquisition.recording import what_was_saved
 from fingerlab.core.errors import UserError
 from fingerlab.core.files import read_text
 from fingerlab.core.plain_data import read_object

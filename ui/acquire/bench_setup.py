@@ -95,7 +95,7 @@ MakeBench = Callable[["DeviceChoice", "LoopSettings", float], "Bench"]
 def in_processes(choice: DeviceChoice, settings: LoopSettings, rate_hz: float) -> Bench:
     """Loop and recorder in processes of their own."""
     from fingerlab.acquisition.bench.process_bench import ProcessBench
-    from fingerlab.acquisition.record.recording import rescue_folder
+    from fingerlab.acquisition.recording import rescue_folder
 
     return ProcessBench(choice, settings, rescue_folder(), rate_hz)
 

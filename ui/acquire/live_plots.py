@@ -10,7 +10,7 @@ from PySide6.QtCore import Qt, Signal
 from PySide6.QtGui import QKeyEvent
 from PySide6.QtWidgets import QScrollBar, QWidget
 
-from fingerlab.acquisition.record.recording import crossings
+from fingerlab.acquisition.recording import crossings
 from fingerlab.core.text import with_minus
 
 from ..widgets.free_plots import TIME, FreePlots

@@ -1,6 +1,7 @@
 """Recording by hand: one session file at a time, runs and markers in it, its writing and its verification.
 
-Nothing is lost by putting it off: the runs are closed by then, and whoever opens the session finishes it.
+Nothing is lost by putting the writing off: the runs are closed by then, and whoever opens the session
+finishes it.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ from PySide6.QtWidgets import (
 from fingerlab.acquisition.bench.bench import Bench
 from fingerlab.acquisition.control.machine import Mode
 from fingerlab.acquisition.protocols.driver import run_to_record
-from fingerlab.acquisition.record.recording import SessionInfo
+from fingerlab.acquisition.recording import SessionInfo
 from fingerlab.core.errors import Cancelled, UserError
 
 from ..app.bars import time_left

@@ -13,7 +13,7 @@ from enum import Enum
 from pathlib import Path
 
 from fingerlab.acquisition.control.machine import Command, Mode
-from fingerlab.acquisition.record.recording import RunInfo, SessionInfo, seconds_of_room
+from fingerlab.acquisition.recording import RunInfo, SessionInfo, seconds_of_room
 from fingerlab.acquisition.ring import Ring
 from fingerlab.acquisition.status import Input, Number, SharedStatus, Slot, Text
 from fingerlab.core.errors import UserError

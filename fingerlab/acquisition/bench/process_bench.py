@@ -1,7 +1,7 @@
 """Two benches with one face: loop and recorder in processes of their own, or here on a virtual clock.
 
-The same objects as in ``processes.py``, without processes; nothing watches from outside, so this is for
-devices that are simulated or replayed.
+On a virtual clock it is the same objects as in ``processes.py``, without processes; nothing watches from
+outside, so that one is for devices that are simulated or replayed.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from fingerlab.acquisition.bench.loop import STOOD_STILL, ControlLoop
 from fingerlab.acquisition.bench.processes import DeviceSource, Plan, loop_main, recorder_main
 from fingerlab.acquisition.bench.steering import LoopSettings
 from fingerlab.acquisition.control.machine import Command, Quit
-from fingerlab.acquisition.record.recorder import Recorder
-from fingerlab.acquisition.record.recording import RunInfo, SessionInfo
+from fingerlab.acquisition.recorder import Recorder
+from fingerlab.acquisition.recording import RunInfo, SessionInfo
 from fingerlab.acquisition.ring import COLUMNS, Ring
 from fingerlab.acquisition.status import Number, SharedStatus, Slot, Text
 from fingerlab.core.errors import Cancelled, UserError

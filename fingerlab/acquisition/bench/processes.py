@@ -27,7 +27,7 @@ from typing import NoReturn, Protocol
 from fingerlab.acquisition.bench.guardian import PeerWatch, StallWatch, await_trial, guard, try_stop
 from fingerlab.acquisition.bench.loop import ControlLoop
 from fingerlab.acquisition.bench.steering import LoopSettings
-from fingerlab.acquisition.record.recorder import Recorder
+from fingerlab.acquisition.recorder import Recorder
 from fingerlab.acquisition.ring import Ring
 from fingerlab.acquisition.status import SharedStatus, Slot, Text
 from fingerlab.core.errors import Cancelled, UserError

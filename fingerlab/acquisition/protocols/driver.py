@@ -38,7 +38,7 @@ from fingerlab.acquisition.protocols.steps import (
     lifting,
     plan_seconds,
 )
-from fingerlab.acquisition.record.recording import Level, Lookout, RunInfo
+from fingerlab.acquisition.recording import Level, Lookout, RunInfo
 from fingerlab.acquisition.ring import COLUMN
 from fingerlab.acquisition.status import Number, Slot
 from fingerlab.core.errors import UserError

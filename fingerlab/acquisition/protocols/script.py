@@ -25,7 +25,7 @@ from queue import Empty, SimpleQueue
 from typing import Any
 
 from fingerlab.acquisition.protocols.driver import ProtocolDriver
-from fingerlab.acquisition.record.recording import RunInfo
+from fingerlab.acquisition.recording import RunInfo
 from fingerlab.core.errors import UserError
 
 VERBS = ("mark", "pause", "resume", "ready", "end", "stop")

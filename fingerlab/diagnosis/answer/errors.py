@@ -35,12 +35,12 @@ from fingerlab.diagnosis.gram.sums import Group, Reduced
 from fingerlab.diagnosis.score.fitted_model import FittedModel, at_found_shapes
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.settings import FULL_ITERATIONS, NARROW_RATE_HZ, Z90
-from fingerlab.diagnosis.signals.conditions import GroupKey, deal_runs, group_key, runs_to_analyse
+from fingerlab.diagnosis.signals.conditions import GroupKey, deal_runs, group_key
 from fingerlab.diagnosis.signals.filters import BRIDGED
 from fingerlab.diagnosis.signals.scales import as_recorded
 from fingerlab.effects.base import Row
 from fingerlab.rig.file import changed_words, sources_of
-from fingerlab.sessions.model import Array, Run, Session
+from fingerlab.sessions.model import Array, Run
 
 FAMILY_UNITS = {"joint_torque": "N m", "cable_kinematics": "m", "motor_torque": "N m", "endpoint_force": "N"}
 
@@ -140,39 +140,44 @@ def _contact(reduced: Reduced, group: Group) -> tuple[float, float]:
     return lever, float(products[force, force] / count - (products[force, one] / count) ** 2)
 
 
-def held_out_runs(
-    sessions: Sequence[Session], reduced: Reduced, fitted: FittedModel
-) -> tuple[HeldOutRuns, ...]:
-    """The model's score on the runs of every condition, in the order of the groups; () if it has none."""
+def held_out_runs(runs: Sequence[Run], reduced: Reduced, fitted: FittedModel) -> tuple[HeldOutRuns, ...]:
+    """The model's score on the runs of every condition, in the order of the groups; () if it has none.
+
+    Args:
+        runs: that are analysed.
+    """
     if not fitted.held_out:
         return ()
-    members = _members(sessions)
+    members = _members(runs)
     conditions = [(g.key, c) for g in reduced.groups for c in g.conditions]
     found = []
     for place, (misfit, count) in zip(conditions, fitted.misfits, strict=True):
-        runs = members[place]
+        mine = [runs[number] for number in members[place]]
         found.append(
             HeldOutRuns(
-                runs=tuple(run.name for run in runs),
-                phase=runs[0].phase,
-                cable=runs[0].cable,
-                trajectory=as_recorded(runs[0]).trajectory,
+                runs=tuple(run.name for run in mine),
+                phase=mine[0].phase,
+                cable=mine[0].cable,
+                trajectory=as_recorded(mine[0]).trajectory,
                 score=float(np.sqrt(1.0 + max(float(misfit), 0.0) / max(float(count), 1.0))),
-                change=changed_words(as_recorded(runs[0]).attributes),
+                change=changed_words(as_recorded(mine[0]).attributes),
             )
         )
     return tuple(found)
 
 
-def score_parts(sessions: Sequence[Session], reduced: Reduced, fitted: FittedModel) -> tuple[ScorePart, ...]:
+def score_parts(runs: Sequence[Run], reduced: Reduced, fitted: FittedModel) -> tuple[ScorePart, ...]:
     """What every equation of every condition adds to the squared score; () if it is not of held-out runs.
 
     The misfit of a condition goes to its group's equations as the weighted products of their residuals do;
     what they miss together, half to each.
+
+    Args:
+        runs: that are analysed.
     """
     if not fitted.held_out or not fitted.residuals:
         return ()
-    members, parts = _members(sessions), list[ScorePart]()
+    members, parts = _members(runs), list[ScorePart]()
     total, every = max(fitted.count, 1.0), max(sum(g.samples for g in reduced.groups), 1)
     # A misfit below what noise gives counts as none, in the score as here.
     scale = 1.0 if float(fitted.misfits[:, 0].sum()) > 0 else 0.0
@@ -184,11 +189,11 @@ def score_parts(sessions: Sequence[Session], reduced: Reduced, fitted: FittedMod
             folds = [group.folds[k] for k in group.of_condition(condition)]
             samples = sum(fold.samples for fold in folds)
             aside = sum(fold.slack_samples for fold in folds) / max(samples, 1)
-            runs = members[group.key, condition]
+            mine = [runs[number] for number in members[group.key, condition]]
             for row, share in shares.items():
                 parts.append(
                     ScorePart(
-                        tuple(run.name for run in runs), runs[0].phase, runs[0].cable, ROW_EQUATIONS[row],
+                        tuple(run.name for run in mine), mine[0].phase, mine[0].cable, ROW_EQUATIONS[row],
                         samples / every, aside if row == Row.CABLE else 0.0, share * misfit / total,
                     )
                 )  # fmt: skip
@@ -197,14 +202,14 @@ def score_parts(sessions: Sequence[Session], reduced: Reduced, fitted: FittedMod
 
 def left_aside(reduction: Reduction, reduced: Reduced, fitted: FittedModel) -> tuple[LeftAside, ...]:
     """What of each condition's time some equation, or none at all, is not judged by, and why."""
-    members, found = _members(reduction.sessions), list[LeftAside]()
-    numbers = {id(run): k for k, (_, run) in enumerate(runs_to_analyse(reduction.sessions)[0])}
+    every = reduction.analysed
+    members, found = _members(every), list[LeftAside]()
     for group in reduced.groups:
         for condition in group.conditions:
-            runs = members[group.key, condition]
+            mine = members[group.key, condition]
+            runs = [every[number] for number in mine]
             folds = [group.folds[k] for k in group.of_condition(condition)]
             whole = NARROW_RATE_HZ * sum(run.seconds for run in runs)
-            mine = [numbers[id(run)] for run in runs]
             put_right = sum(
                 count for n in mine for name, count in reduction.repairs[n].items() if name != BRIDGED
             )
@@ -237,14 +242,13 @@ def _shares_of_rows(fitted: FittedModel, group: Group) -> dict[Row, float]:
     return {row: float(missed[row]) / whole if whole > 0 else 1.0 / len(rows) for row in rows}
 
 
-def _members(sessions: Sequence[Session]) -> dict[tuple[GroupKey, int], list[Run]]:
-    """The runs of each condition of each group, as the reading deals them."""
-    runs = [run for _, run in runs_to_analyse(sessions)[0]]
+def _members(runs: Sequence[Run]) -> dict[tuple[GroupKey, int], list[int]]:
+    """Numbers of the runs of each condition of each group, as the reading deals them."""
     folds, places = deal_runs(runs)
-    members: dict[tuple[GroupKey, int], list[Run]] = {}
-    for run, place in zip(runs, places, strict=True):
+    members: dict[tuple[GroupKey, int], list[int]] = {}
+    for number, (run, place) in enumerate(zip(runs, places, strict=True)):
         key = group_key(run)
-        members.setdefault((key, folds[key][place].condition), []).append(run)
+        members.setdefault((key, folds[key][place].condition), []).append(number)
     return members
 
 

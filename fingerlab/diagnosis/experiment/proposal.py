@@ -23,6 +23,7 @@ from fingerlab.diagnosis.experiment.separation import (
     RunKind,
     SessionFeatures,
     apart,
+    columns_of_run,
     foretelling,
     held_by,
     outlook,
@@ -30,6 +31,7 @@ from fingerlab.diagnosis.experiment.separation import (
     run_kind,
     separation,
 )
+from fingerlab.diagnosis.gram.runs import Decimated
 from fingerlab.diagnosis.score.calibration import Predicted
 from fingerlab.diagnosis.score.evidence import Evidence, Verdict
 from fingerlab.diagnosis.score.fitted_model import FittedModel, condition_weights, values_at_typical_strength
@@ -56,6 +58,7 @@ from fingerlab.diagnosis.settings import (
     TRUTHS,
 )
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
+from fingerlab.physics.motion import Motion
 from fingerlab.sessions.model import Array, Session
 
 
@@ -441,12 +444,18 @@ def _runs(
 ) -> Iterator[tuple[Proposal, PredictedRun]]:
     """Every run of the menu, as the model ``like`` would move, with the columns of all ``candidates``."""
     beside, kinds = not scorer.reduced.on_bench, dict[tuple[str, int, bool], RunKind]()
+    before: tuple[Motion, Decimated] | None = None  # several changes are tried on one motion
     for proposal in menu(sessions, scorer.reduced, like.values):
         motion = proposal.motion
         name = motion.phase, motion.cable_sign, motion.intervention is None
         if name not in kinds:
             kinds[name] = run_kind(sessions[0], motion, held_by(candidates, motion), beside)
-        yield proposal, predict_run(motion, kinds[name], proposal.before)
+        if proposal.before is None:
+            yield proposal, predict_run(motion, kinds[name])
+            continue
+        if before is None or before[0] is not proposal.before:
+            before = proposal.before, columns_of_run(proposal.before, kinds[name])
+        yield proposal, predict_run(motion, kinds[name], before[1])
 
 
 def _lasting(

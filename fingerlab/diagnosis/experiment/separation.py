@@ -31,7 +31,7 @@ from fingerlab.diagnosis.equations.parameters import TORQUE_ZERO
 from fingerlab.diagnosis.fit.noise import torque_noise
 from fingerlab.diagnosis.fit.solver import scaled_inverse
 from fingerlab.diagnosis.fit.weights import Weights, feature_weights, own_to_a_run
-from fingerlab.diagnosis.gram.runs import decimated_columns, pair_sums
+from fingerlab.diagnosis.gram.runs import Decimated, decimated_columns, difference_alone, in_common
 from fingerlab.diagnosis.gram.sums import Group, Reduced, Sums
 from fingerlab.diagnosis.score.calibration import CalibrationTable, Odds, answer_distances, calibration
 from fingerlab.diagnosis.score.evidence import Evidence
@@ -104,16 +104,20 @@ class PredictedRun:
         return replace(self, sums=longer, paired=paired)
 
 
-def predict_run(motion: Motion, kind: RunKind, before: Motion | None = None) -> PredictedRun:
-    """A run with this motion, which is of the ``kind``; ``before``: the same one without its known change."""
-    low = decimated_columns(motion, kind.layout.effects, kind.layout.signals)
+def columns_of_run(motion: Motion, kind: RunKind) -> Decimated:
+    """The columns of a run with this motion, which is of the ``kind``."""
+    return decimated_columns(motion, kind.layout.effects, kind.layout.signals)
+
+
+def predict_run(motion: Motion, kind: RunKind, before: Decimated | None = None) -> PredictedRun:
+    """A run with this motion, which is of the ``kind``; ``before``: columns without its known change."""
+    low = columns_of_run(motion, kind)
     # A trace of friction may hold a standing finger anywhere: what is seen at rest decides little.
     columns = low.columns[~low.rest]
     paired = None
     if before is not None:
-        first = decimated_columns(before, kind.layout.effects, kind.layout.signals)
-        pair = pair_sums((0, 0), kind.group.key, first, low)
-        paired = None if pair is None else PredictedRun(kind, pair.difference)
+        common = in_common(before, low)
+        paired = None if common is None else PredictedRun(kind, difference_alone(*common))
     return PredictedRun(kind, Sums(columns.T @ columns, taut_samples=len(columns)), paired)
 
 

@@ -30,7 +30,7 @@ from fingerlab.diagnosis.fit.weights import (
     own_to_a_run,
     temperature,
 )
-from fingerlab.diagnosis.gram.sums import Group, Sums, taken_up
+from fingerlab.diagnosis.gram.sums import Group, Sums, taken_up, taken_up_by_folds
 from fingerlab.diagnosis.settings import (
     LEAST_GAIN,
     LEAST_GAIN_SHARE,
@@ -189,6 +189,7 @@ class Fitter:
         self.weights = weights
         self._parts: dict[tuple[int, FoldNumbers | None], Weighted] = {}
         self._folds: dict[int, Weighted] = {}
+        self._constants: dict[int, tuple[Array, Array] | None] = {}
         self._stacked: Weighted | None = None
         self._cables = tuple(g.cable_sign for g in data.groups)
         self._whole: tuple[Array, list[tuple[Array, Array]], tuple[Array, Array]] | None = None
@@ -269,8 +270,10 @@ class Fitter:
             return self.folds(i)[part[0]]
         if (i, part) not in self._parts:
             found = self._weighted(i, self.data.gathered(i, part, self.model))
-            if self.data.constants is not None:
-                found = self._without_constants(found, i, part)
+            told = self._by_constants(i)
+            if told is not None:
+                grip, pull = (one[self.data.runs_of(i, part)] for one in told)
+                found = found.less(taken_up(pull, grip, pull))
             self._parts[i, part] = found
         return self._parts[i, part]
 
@@ -282,9 +285,10 @@ class Fitter:
                 self._folds[i] = self.part(i, None)[None]
                 return self._folds[i]
             found = self._weighted(i, self.data.gathered_folds(i, self.model))
-            if self.data.constants is not None:
-                each = [self._without_constants(found[k], i, (k,)) for k in range(count)]
-                found = Weighted(np.stack([s.curvature for s in each]), np.stack([s.matrix for s in each]))
+            told = self._by_constants(i)
+            if told is not None:
+                runs = [self.data.runs_of(i, (k,)) for k in range(count)]
+                found = found.less(taken_up_by_folds(*told, runs))
             self._folds[i] = found
         return self._folds[i]
 
@@ -294,15 +298,15 @@ class Fitter:
             self._weight[i] = self._of_products(self.weights[self.data.groups[i].key])
         return self.data.weighted(gathered, self.model, self._weight[i], partial(self._less, i))
 
-    def _without_constants(self, found: Weighted, i: int, part: FoldNumbers | None) -> Weighted:
-        """The same with the runs' own constants integrated out."""
-        weights = self.weights[self.data.groups[i].key]
-        told = self.data.by_constants(i, part, weights, self.standing(i), [self.model.pick])
-        if told is None:
-            return found
-        grip, (pull,) = told
-        taken = taken_up(pull, grip, pull)
-        return Weighted(found.curvature - taken, found.matrix - taken)
+    def _by_constants(self, i: int) -> tuple[Array, Array] | None:
+        """How well the constants of a group's runs are known, and the features' products with them."""
+        if self.data.constants is None:
+            return None
+        if i not in self._constants:
+            weights = self.weights[self.data.groups[i].key]
+            told = self.data.by_constants(i, None, weights, self.standing(i), [self.model.pick])
+            self._constants[i] = None if told is None else (told[0], told[1][0])
+        return self._constants[i]
 
     def _of_products(self, weights: Array) -> Array:
         """Weight of each product of the model's features, (k, k), from that of the equations, (5, 5)."""
@@ -342,6 +346,7 @@ class Fitter:
             self._parts = {key: one for key, one in self._parts.items() if key[0] not in resting}
             self._folds = {i: one for i, one in self._folds.items() if i not in resting}
             self._change = {i: one for i, one in self._change.items() if i not in resting}
+            self._constants = {i: one for i, one in self._constants.items() if i not in resting}
         if self.wanders and apart:
             self._own = self._own_parts(values, told, trusted)
             if not trusted:

@@ -72,6 +72,10 @@ class Weighted:
         """Of one or more of several folds."""
         return Weighted(self.curvature[fold], self.matrix[fold])
 
+    def less(self, taken: Array) -> Weighted:
+        """With this taken off both."""
+        return Weighted(self.curvature - taken, self.matrix - taken)
+
 
 @dataclass(frozen=True)
 class Gathered:
@@ -242,6 +246,14 @@ class Data:
         deviations = spreads * np.sqrt(np.einsum("rss->rs", grip))
         rows = sources @ self.constants.shares[self.groups[i].key].T
         return Offsets(tuple(t.number for t in self.totals(i, part)), sources, deviations, rows)
+
+    def runs_of(self, i: int, part: FoldNumbers | None) -> Any:
+        """Index of the runs of some folds among those of group ``i``, fold after fold."""
+        if part is None:
+            return slice(None)
+        counts = np.array([len(fold.totals) for fold in self.groups[i].folds])
+        ends = np.cumsum(counts)
+        return np.concatenate([np.arange(ends[k] - counts[k], ends[k]) for k in part])
 
     def totals(self, i: int, part: FoldNumbers | None) -> list[RunTotals]:
         """Sums of the signals over the runs of some folds of group ``i``, or of all."""

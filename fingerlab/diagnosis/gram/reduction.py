@@ -155,6 +155,11 @@ class Reduction:
         return [(name, channels) for name, channels in lost if channels]
 
     @property
+    def analysed(self) -> list[Run]:
+        """The runs that are analysed, in reduced units."""
+        return [run for _, run in self._pairs]
+
+    @property
     def runs(self) -> list[tuple[str, str]]:
         """Session and name of each run that is analysed."""
         return [(str(session.path), run.name) for session, run in self._pairs]

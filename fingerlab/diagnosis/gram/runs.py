@@ -1,15 +1,16 @@
 """The sums of one run: signals low-passed, decimated and multiplied; pairs of runs; the floor of any law.
 
-Decides which samples of a segment count, which of them are judged apart (those of a taut cable, and those at
-which the motor stands), how a delayed channel is read, and what a second reading takes over from the first.
+Low-passing decides which samples of a segment count, which of them are judged apart (those of a taut cable,
+and those at which the motor stands), how a delayed channel is read, and what a second reading takes over from
+the first.
 
-A regression on functions of angle, speed, acceleration, load and way since reversal, with runs left out.
-Among those of the angle are waves of the orders at which the torque repeats over it most. It knows no physics
-and no plausible range; what it cannot tell either, no effect is asked to explain. It takes as many functions
-as the runs that were left out bear out.
+The floor of any law is a regression on functions of angle, speed, acceleration, load and way since reversal,
+with runs left out. Among those of the angle are waves of the orders at which the torque repeats over it most.
+It knows no physics and no plausible range; what it cannot tell either, no effect is asked to explain. It
+takes as many functions as the runs that were left out bear out.
 
-What a machine does in every run that no law tells is in both and cancels; what follows from the change
-stays. The difference is divided by the root of two, so that it is as noisy as one run.
+In a pair, what a machine does in every run that no law tells is in both and cancels; what follows from the
+change stays. The difference is divided by the root of two, so that it is as noisy as one run.
 
 A later pass asks the same runs for few other columns, or for none. Opening the file again, differentiating
 its channels and forming the columns would cost more than all the rest: the first reading keeps the motion of
@@ -309,18 +310,33 @@ def pair_sums(
 
     Constants are taken out: the sensors are set anew where a machine is changed.
     """
+    common = in_common(before, after)
+    return None if common is None else sums_of_difference(numbers, group, *common)
+
+
+def in_common(before: Decimated, after: Decimated) -> tuple[Array, Array] | None:
+    """Signals of both where the cable is taut and the motor moves in both, (n, signals) each."""
     count = min(len(before.time), len(after.time))
     common = (before.taut & ~before.rest)[:count] & (after.taut & ~after.rest)[:count]
     if common.sum() < 2:
         return None
-    first, second = before.columns[:count][common], after.columns[:count][common]
-    return sums_of_difference(numbers, group, first, second)
+    return before.columns[:count][common], after.columns[:count][common]
+
+
+def difference_alone(first: Array, second: Array) -> Sums:
+    """The sums over their difference, see :class:`PairSums`."""
+    apart = _apart(first, second)
+    return Sums(apart.T @ apart, taut_samples=len(apart))
+
+
+def _apart(first: Array, second: Array) -> Array:
+    apart = (second - first) / np.sqrt(2.0)
+    return np.asarray(apart - apart.mean(axis=0))
 
 
 def sums_of_difference(numbers: tuple[int, int], group: GroupKey, first: Array, second: Array) -> PairSums:
     """The sums over two runs' signals at the same moments, (n, signals) each."""
-    apart = (second - first) / np.sqrt(2.0)
-    apart = apart - apart.mean(axis=0)
+    apart = _apart(first, second)
     mean = 0.5 * (first + second)
     mean = mean - mean.mean(axis=0)
     sums = Sums(apart.T @ apart, taut_samples=len(apart))

@@ -17,6 +17,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -128,6 +129,17 @@ def taken_up(left: Array, grip: Array, right: Array) -> Array:
     runs, size, sources = left.shape
     flat = (left @ grip).transpose(1, 0, 2).reshape(size, runs * sources)
     return np.asarray(flat @ right.transpose(1, 0, 2).reshape(right.shape[1], runs * sources).T)
+
+
+def taken_up_by_folds(grip: Array, pull: Array, folds: Sequence[Any]) -> Array:
+    """The same of a group's features among each other, by the runs of each of its folds, (folds, k, k).
+
+    Args:
+        folds: index of every fold's runs, fold after fold.
+    """
+    if all(len(runs) == 1 for runs in folds):
+        return np.asarray(pull @ grip @ pull.transpose(0, 2, 1))
+    return np.stack([taken_up(pull[runs], grip[runs], pull[runs]) for runs in folds])
 
 
 def with_constants(totals: Sequence[RunTotals], pick: Pick, weights: Array, at_rest: Array | None) -> Array:

@@ -13,7 +13,7 @@ from PySide6.QtWidgets import QApplication, QLabel, QScrollArea
 from pytestqt.qtbot import QtBot
 
 from fingerlab.acquisition.control.machine import initial_of
-from fingerlab.acquisition.record.recording import LEAST_FREE_BYTES, seconds_of_room
+from fingerlab.acquisition.recording import LEAST_FREE_BYTES, seconds_of_room
 from fingerlab.acquisition.ring import COLUMN
 from fingerlab.core.errors import UserError
 from fingerlab.rig.file import parse_rig

@@ -19,7 +19,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from fingerlab.acquisition.record.recording import (
+from fingerlab.acquisition.recording import (
     LEAST_FREE_BYTES,
     OpenRun,
     RunInfo,

@@ -1,1 +1,0 @@
-"""From the ring to a session's file."""
