@@ -1,6 +1,6 @@
-"""What the window costs: starting, changing tabs, reviewing ten hours, repainting live plots.
+"""What the window costs: starting, changing tabs, what one waits for, reviewing ten hours, live plots.
 
-    python -m benchmarks.window [--keep FILE] [start] [review] [live]
+    python -m benchmarks.window [--keep FILE] [start] [work] [review] [live]
 
 Off screen at 1280 x 800. Writes docs/benchmarks-window.md: all of it, or, with ``--keep``, the parts that are
 measured now and those kept from before. Beside every figure stands how much of the machine others had
@@ -24,6 +24,7 @@ from benchmarks.machine import Share, code_words, machine_words
 from benchmarks.window_repaint import FRAMES, WINDOW_S, Repainted, repaint
 from benchmarks.window_review import HOURS, OVER_HOURS, OVERS, Reviewed, review
 from benchmarks.window_start import Started, start_times, switch_times
+from benchmarks.window_work import Worked, work
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "docs" / "benchmarks-window.md"
@@ -48,6 +49,12 @@ def measure_start(folder: Path) -> Started:
     return started
 
 
+def measure_work(folder: Path) -> Worked:
+    """What one waits for."""
+    with shown_window(folder, "model_lab") as (window, app):
+        return work(window, app, folder)
+
+
 def measure_review(folder: Path) -> Reviewed:
     """Ten hours in Sessions."""
     with shown_window(folder, "sessions") as (window, app):
@@ -62,6 +69,7 @@ def measure_live(folder: Path) -> Repainted:
 
 MEASURES: dict[str, Callable[[Path], Any]] = {
     "start": measure_start,
+    "work": measure_work,
     "review": measure_review,
     "live": measure_live,
 }
@@ -78,7 +86,8 @@ def page(parts: Parts) -> str:
         "had of it meanwhile.",
         "",
     ]
-    for name, lines_of in (("start", start_lines), ("review", review_lines), ("live", live_lines)):
+    kinds = (("start", start_lines), ("work", work_lines), ("review", review_lines), ("live", live_lines))
+    for name, lines_of in kinds:
         if name in parts:
             lines += lines_of(parts[name])
     return "\n".join(lines).rstrip() + "\n"
@@ -112,6 +121,22 @@ def start_lines(started: dict[str, Any]) -> list[str]:
         later = times[1:]
         lines.append(f"| {_tab(tab)} | {times[0]:.0f} ms | {_p(later, 50):.1f} ms | {_p(later, 99):.1f} ms |")
     return [*lines, ""]
+
+
+def work_lines(worked: dict[str, Any]) -> list[str]:
+    """What one waits for."""
+    rows = [f"| {words} | {wall:.2f} | {spent:.2f} |" for words, (wall, spent) in worked["steps"].items()]
+    return [
+        "## What one waits for",
+        "",
+        "A session of the rich protocol, 14 runs of 20 s, with Coulomb friction; folders with copies of one "
+        "run. From the click until it is painted. Read files are known again by their time and size.",
+        "",
+        "| what | s | processor, s |",
+        "|---|---|---|",
+        *rows,
+        *_beneath(worked["share"]),
+    ]
 
 
 def review_lines(reviewed: dict[str, Any]) -> list[str]:

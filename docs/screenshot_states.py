@@ -37,11 +37,11 @@ from fingerlab.ui.app.window import MainWindow
 from fingerlab.ui.calibrate.calibrate_tab import CalibrateTab
 from fingerlab.ui.calibrate.result_page import ResultPage
 from fingerlab.ui.fit.fit_tab import FitTab
-from fingerlab.ui.fit.replicate_dialog import ReplicateDialog
+from fingerlab.ui.fit.fit_view import ReplicateDialog
 from fingerlab.ui.lab.model_lab_tab import ModelLabTab
 from fingerlab.ui.lab.own_effects import OwnEffects
 from fingerlab.ui.lab.side_by_side import SideBySideDialog
-from fingerlab.ui.predict.models_dialog import ModelsDialog
+from fingerlab.ui.predict.force_panel import ModelsDialog
 from fingerlab.ui.predict.predict_tab import PredictTab
 from fingerlab.ui.sessions.import_dialog import ImportDialog
 from fingerlab.ui.sessions.sessions_tab import SessionsTab

@@ -86,7 +86,7 @@ def diagnose(
         progress: called with the share done (0 to 1) and what is being done.
         cancelled: asked now and then; True stops the calculation.
         with_curves: whether measured and modelled curves and fingerprints are wanted.
-        executor: a second process (``core.parallel``) to share the reading, if no curves are wanted.
+        executor: a second process (``core.progress``) to share the reading, if no curves are wanted.
         left_out: ids that the catalogue is to be without; so it is tried what it says of the unknown.
         kept: what an earlier diagnosis of these sessions was given; their runs are not read again.
         held: unknowns of the model as given, by key, and the value that every model is to hold them at, SI.

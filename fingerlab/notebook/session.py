@@ -90,7 +90,7 @@ class Catalogue(Mapping[str, EffectView], Displayed):
 
 
 class DiagnosisView(Displayed):
-    """The answer to: which effect is missing? ``result`` holds all of it (``diagnosis.results``)."""
+    """The answer to: which effect is missing? ``result`` holds all of it (``diagnosis.answer.results``)."""
 
     def __init__(self, result: Diagnosis, sessions: Sequence[Session]) -> None:
         self.result = result
@@ -332,7 +332,7 @@ class RunView(Displayed):
         return dict(self.run.units)
 
     def to_xarray(self, channels: Iterable[str] | None = None) -> xarray.Dataset:
-        """The run as a dataset over ``time`` (s), SI units in ``units``; see ``data.run_dataset``."""
+        """The run as a dataset over ``time`` (s), SI units in ``units``; see :func:`run_dataset`."""
         return run_dataset(self.run, channels)
 
     def figure(self, *channels: str) -> Figure:
@@ -386,7 +386,7 @@ class SessionView(Displayed):
         raise UserError(f"{self.path} has no run '{name}'; it holds {names}.")
 
     def to_xarray(self) -> xarray.DataTree:
-        """Every run as a dataset in one tree: ``s.to_xarray()["001"]``; see ``data.session_tree``."""
+        """Every run as a dataset in one tree: ``s.to_xarray()["001"]``; see :func:`session_tree`."""
         return session_tree(self.session)
 
     def diagnose(self, added: Sequence[str] = (), **options: Any) -> DiagnosisView:

@@ -6,7 +6,7 @@ for a straight line between them: all built-in terms are proportional to the for
 held, but for the few tens of micrometres over which a rubbing tip turns round. What the load cell read takes
 no part, so that a tip is taken as held by the force alone, not by its height.
 
-Coefficients are the fit's own (``equations.coefficients``), and so is what a delay does to the motor's
+Coefficients are the fit's own (``equations.columns``), and so is what a delay does to the motor's
 channels: within a millisecond their slope, beyond that the fit's interpolation between kept shifts. The value
 of a delay was found with that interpolation; another one would shift the channels by something else.
 """

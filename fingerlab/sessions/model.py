@@ -166,7 +166,7 @@ class Run:
 
     @property
     def changed(self) -> bool:
-        """Whether the machine was changed on purpose for this run (``rig.intervention``)."""
+        """Whether the machine was changed on purpose for this run (``rig.file.Intervention``)."""
         return INTERVENTION in self.attributes
 
     def counted(self, name: str) -> float:

@@ -325,7 +325,7 @@ def position_loop(control: Record, state: Record, theta: float, reference: float
 
 @compiled
 def observe(state: Record, half: float, force: float, tension: float, at_pulley: float, row: Any) -> None:
-    """What there is to see now, in the order of ``layout.OUTPUTS``, to ``row``; ``half`` a step in s."""
+    """What there is to see now, in the order of ``plant.OUTPUTS``, to ``row``; ``half`` a step in s."""
     row[0] = state.theta - half * state.omega
     row[1] = state.omega
     row[2] = state.current

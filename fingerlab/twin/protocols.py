@@ -278,7 +278,7 @@ def single_run(
 
     Args:
         trajectory: JSON text or object; for a motor bench maybe with ``load_torque``, N m.
-        intervention: a known change of the machine, as in ``rig.intervention``.
+        intervention: a known change of the machine, as in ``rig.file.Intervention``.
 
     Raises:
         UserError: the phase or cable is unknown, or they do not go together, or the trajectory or the change

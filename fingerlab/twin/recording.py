@@ -41,7 +41,7 @@ class Recorded:
     Attributes:
         plan: with the trajectory as run (the contact offset filled in).
         channels: name -> values of shape (n,), SI, as the session format names them.
-        truth: what really happened, by ``layout.OUTPUTS``, each of shape (n,), SI; never stored.
+        truth: what really happened, by ``plant.OUTPUTS``, each of shape (n,), SI; never stored.
     """
 
     plan: RunPlan
@@ -111,7 +111,7 @@ def prepare_bench(
 
 
 def state_at_rest(bench: Plant, in_contact: bool) -> Any:
-    """Hang the finger, place the load cell; an array of one record of ``layout.STATE``."""
+    """Hang the finger, place the load cell; an array of one record of ``plant.STATE``."""
     state = np.zeros(1, STATE)
     q1, q2 = place_bench(bench, in_contact)
     state["q1"] = state["relaxed_1"] = q1
@@ -289,7 +289,7 @@ class BenchStream:
         counts_per_turn: of the encoder at the output; that of the preset where it is not given.
 
     Attributes:
-        now: what really is, in the order of ``layout.OUTPUTS``, SI.
+        now: what really is, in the order of ``plant.OUTPUTS``, SI.
     """
 
     def __init__(

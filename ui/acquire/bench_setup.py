@@ -54,7 +54,7 @@ class ToCheck:
     """A bench that is to be checked.
 
     Attributes:
-        source: of the rig, for the protocol. key: by ``kept.bench_key``. card: whether a card is checked.
+        source: of the rig, for the protocol. key: by ``walk.bench_key``. card: whether a card is checked.
         folder: where the result is kept; None for a rehearsal.
     """
 

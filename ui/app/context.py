@@ -332,7 +332,7 @@ class ApplicationContext(QObject):
         self.tab_asked.emit(key)
 
     def hand_protocol(self, steps: Sequence[Any], title: str = "") -> None:
-        """Hand the steps of a protocol (``acquisition.protocol.plan_steps``) to Acquire and show it."""
+        """Hand the steps of a protocol (``plan_steps``) to Acquire and show it."""
         self.show_tab("acquire")
         self.protocol_handed.emit(tuple(steps), title)
 

@@ -50,6 +50,11 @@ PUBLISHED = 1
 PRESET = "as-built"
 
 
+def squared(text: str) -> str:
+    """With the sign that a terminal may lack."""
+    return text.replace("R2", "R²")
+
+
 class ReplicateDialog(QDialog):
     """What ``fingerlab replicate`` does. A seed draws the bench within its tolerances, and its noise."""
 
@@ -108,12 +113,14 @@ class ReplicateDialog(QDialog):
     def _show(self, lines: Sequence[ComparedQuantity]) -> None:
         from fingerlab.report.comparison_words import cells, outcome_sentences
 
-        self.table.show_rows([[with_minus(text) for text in cells(line)] for line in lines])
+        rows = [(squared(title), *map(with_minus, rest)) for title, *rest in map(cells, lines)]
+        self.table.show_rows(rows)
         for row, line in enumerate(lines):
             item = self.table.item(row, PUBLISHED)
             if item is not None and line.tolerance is not None:
                 item.setToolTip(line.tolerance.reason)
-        self.words.setText(f"{outcome_sentences(lines)[0]} Spreads in brackets are ours; the mouse says why.")
+        said = squared(outcome_sentences(lines)[0])
+        self.words.setText(f"{said} Spreads in brackets are ours; the mouse says why.")
 
     def _refresh(self) -> None:
         busy = self._worker.busy

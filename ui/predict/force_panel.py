@@ -23,6 +23,7 @@ from PySide6.QtWidgets import (
 
 from fingerlab.core.text import fixed, r2_text, score_text
 from fingerlab.prediction.comparing import RunForce
+from fingerlab.report.diagnosis_words import effect_title
 from fingerlab.report.page_tables import COMPARED_COLUMNS, compared_rows, judged_as_they_stand
 from fingerlab.thesis.prediction import FORCE_PHASES
 
@@ -37,6 +38,9 @@ if TYPE_CHECKING:
 WIDTH, HEIGHT = 900, 360
 
 
+IN_THE_WINDOW = tuple((title.replace("R2", "R²"), help_text) for title, help_text in COMPARED_COLUMNS)
+
+
 class ModelsDialog(QDialog):
     """What ``fingerlab compare`` prints."""
 
@@ -46,7 +50,7 @@ class ModelsDialog(QDialog):
         self.setWindowTitle("Models compared – FingerLab")
         self.resize(WIDTH, HEIGHT)
         self.words = described(WholeLabel(), "comparedWords", font=small_font())
-        self.table = NumberTable("comparedTable", "Models on runs left out", COMPARED_COLUMNS, words=2)
+        self.table = NumberTable("comparedTable", "Models on runs left out", IN_THE_WINDOW, words=2)
         close = QDialogButtonBox(QDialogButtonBox.StandardButton.Close)
         close.rejected.connect(self.reject)
         hint = remark(
@@ -60,7 +64,13 @@ class ModelsDialog(QDialog):
         best = min(found.models, key=lambda one: one.score)
         said = f"{found.session.name}: {best.name} leaves least, {score_text(best.score)} times its floor."
         self.words.setText(f"{said} {judged_as_they_stand(found)}")
-        self.table.show_rows(compared_rows(found), stretched=1)
+        self.table.show_rows(
+            [
+                (name, ", ".join(map(effect_title, one.effects)) or "–", *rest)
+                for one, (name, _ids, *rest) in zip(found.models, compared_rows(found), strict=True)
+            ],
+            stretched=1,
+        )
 
 
 PANEL_WIDTH = 280

@@ -48,11 +48,16 @@ class FolderScan:
 
 
 def look_through(
-    folder: Path, known: Sequence[SessionFacts], progress: Progress, cancelled: IsCancelled
+    folder: Path,
+    known: Sequence[SessionFacts],
+    coming: list[SessionFacts],
+    progress: Progress,
+    cancelled: IsCancelled,
 ) -> FolderScan:
-    """Read a folder anew; in the background."""
+    """Read a folder anew; in the background. ``coming`` takes what has been read so far."""
 
     def found(facts: SessionFacts, share: float) -> None:
+        coming.append(facts)
         progress(share, facts.name)
 
     facts = scan(folder, known, found, cancelled)
@@ -90,6 +95,7 @@ class SessionsTab(Tab):
         self._trend: TrendDialog | None = None
         self._pairs: PairsDialog | None = None
         self._scanner = Worker(self)
+        self._coming: list[SessionFacts] = []
         self._looked, self._began = False, 0.0
         self._choose_next: Path | None = None
         self.commands = self._menu()
@@ -270,9 +276,10 @@ class SessionsTab(Tab):
             return
         self.page.show_reading(True)
         self._began = self.clock()
+        coming = self._coming = []
 
         def work(progress: Progress, cancelled: IsCancelled) -> FolderScan:
-            return look_through(folder, known, progress, cancelled)
+            return look_through(folder, known, coming, progress, cancelled)
 
         self._scanner.start("Browsing", work, self._on_found)
 
@@ -284,6 +291,13 @@ class SessionsTab(Tab):
         self.page.show_reading(False)
 
     def _on_read(self, share: float, _what: str) -> None:
+        """Rows as they come: whenever there are twice as many as the table has."""
+        model = self.page.model
+        if len(self._coming) > 2 * model.total:
+            chosen = self.page.paths()
+            model.show_all(tuple(self._coming), {}, {})
+            for path in chosen[:1]:
+                self.page.choose_path(path)
         left = time_left(share, self.clock() - self._began)
         self.page.show_count(f"Reading, {100 * share:.0f} %{f', {left}' if left else ''}")
 

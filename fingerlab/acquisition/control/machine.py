@@ -61,7 +61,7 @@ class Tare:
 class SetUp:
     """What is on the bench: phase and cable of the session format, known load of a motor bench (N m).
 
-    ``intervention``: JSON text of a known change of the machine (``rig.intervention``); empty without one.
+    ``intervention``: JSON text of a known change of the machine (``Intervention``); empty without one.
     """
 
     phase: str = "on_air"

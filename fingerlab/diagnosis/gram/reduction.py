@@ -69,7 +69,7 @@ class Reduction:
     def __init__(
         self, sessions: Sequence[Session], executor: Executor | None = None, scales: Scales | None = None
     ) -> None:
-        """``executor``: a second process (``core.parallel``) that takes a share of the runs.
+        """``executor``: a second process (``core.progress``) that takes a share of the runs.
 
         ``scales``: those to use; None: the machine's own.
 

@@ -349,7 +349,7 @@ class CachedSegment:
 
     ``low`` (live, n), in single precision as the filter gives it, holds the signals ``live``, (live,), which
     are those that are not zero throughout. ``taut``, ``rest`` (n,) bool and ``time`` (n,) s as in
-    :class:`decimation.Decimated`.
+    :class:`Decimated`.
     """
 
     motion: Motion

@@ -63,7 +63,7 @@ def test_saved_models_are_compared_on_runs_left_out(qtbot: QtBot, make_window, t
     qtbot.waitUntil(lambda: tab._compared is not None and tab._compared.isVisible(), timeout=PATIENCE)
     nominal, friction = cells(child(window, QTableWidget, "comparedTable"))
     assert nominal[:2] == ["nominal model", "–"]
-    assert friction[:2] == ["friction.json", "coulomb_friction"]
+    assert friction[:2] == ["friction.json", "Coulomb joint friction"]
     # The rig has the friction, so that the model with it leaves less, in the error and in the force.
     assert float(friction[2]) < 0.7 * float(nominal[2])
     assert float(friction[3]) < float(nominal[3])
@@ -93,7 +93,7 @@ def test_the_thesis_experiment_is_repeated_from_the_menu(
     qtbot.waitUntil(lambda: table.rowCount() == len(PUBLISHED), timeout=PATIENCE)
     assert asked == [("as-built", [5, 6])]
     rows = {row[0]: row[1:] for row in cells(table)}
-    titles = {one.key: one.title for one in PUBLISHED}
+    titles = {one.key: one.title.replace("R2", "R²") for one in PUBLISHED}
     assert rows[titles["r2_normalised"]][:3] == ["0.970 ± 0.010", "0.962", ""]
     assert rows[titles["delay_finddelay"]] == ["162.2 ± 23.2", "186.0", "*", "ms"]
     said = child(window, QLabel, "replicateWords").text()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -222,7 +223,8 @@ def test_reading_a_large_folder_tells_how_far_it_is_and_can_be_stopped(
     later, stopped, now = threading.Event(), threading.Event(), [0.0]
     tab.clock = lambda: now[0]
 
-    def slowly(_folder, _known, progress, cancelled):  # type: ignore[no-untyped-def]
+    def slowly(_folder, known, coming, progress, cancelled):  # type: ignore[no-untyped-def]
+        coming.extend(replace(known[0], path=Path(f"{k}.h5"), name=f"{k}.h5") for k in range(7))
         progress(0.4, "one.h5")
         later.wait(PATIENCE / 1000)
         progress(0.4, "one.h5")
@@ -235,6 +237,7 @@ def test_reading_a_large_folder_tells_how_far_it_is_and_can_be_stopped(
     again = child(window, QPushButton, "readAgain")
     QTest.mouseClick(again, LEFT)
     qtbot.waitUntil(lambda: tab.page.count.text() == "Reading, 40 %", timeout=PATIENCE)
+    assert tab.page.model.rowCount() == 7  # they stand there before all are read
     now[0] = 12.0  # 40 % in 12 s
     later.set()
     left = "Reading, 40 %, about 18 s left"
@@ -242,7 +245,7 @@ def test_reading_a_large_folder_tells_how_far_it_is_and_can_be_stopped(
     assert again.text() == "&Stop reading"
     QTest.mouseClick(again, LEFT)
     assert stopped.wait(PATIENCE / 1000)
-    assert tab.page.count.text() == "3 sessions"
+    assert tab.page.count.text() == "7 sessions"
     assert again.text() == "Read a&gain"
 
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 import io
 import os
 import re
-import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
+from subprocess import Popen
 from xml.etree import ElementTree
 
 import numpy as np
@@ -49,12 +50,25 @@ for ending in ("svg", "pdf", "png"):
 """
 
 
+@pytest.fixture(scope="module")
+def drawing(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, tuple[Path, Popen[bytes]]]]:
+    """A process for each scale of a screen, all at once, and the folder that it saves in."""
+    started = {}
+    for scale in SCALES:
+        folder = tmp_path_factory.mktemp("saved")
+        environment = os.environ | {"QT_SCALE_FACTOR": scale, "QT_QPA_PLATFORM": "offscreen"}
+        started[scale] = folder, Popen([sys.executable, "-P", "-c", DRAW, str(folder)], env=environment)
+    yield started
+    for _, process in started.values():
+        process.kill()
+        process.wait()
+
+
 @pytest.fixture(scope="module", params=SCALES)
-def saved(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def saved(request: pytest.FixtureRequest, drawing: dict[str, tuple[Path, Popen[bytes]]]) -> Path:
     """A force of 2 N ± 1.5 N over ten seconds, saved from a dark window on a screen of each scale."""
-    folder = tmp_path_factory.mktemp("saved")
-    environment = os.environ | {"QT_SCALE_FACTOR": request.param, "QT_QPA_PLATFORM": "offscreen"}
-    subprocess.run([sys.executable, "-P", "-c", DRAW, str(folder)], env=environment, check=True, timeout=120)
+    folder, process = drawing[request.param]
+    assert process.wait(timeout=240) == 0
     return folder
 
 
