@@ -28,6 +28,7 @@ from fingerlab.diagnosis.score.calibration import (
     SessionFeature,
     answer_distances,
     calibrated,
+    calibration,
     groups_of,
 )
 from fingerlab.effects import find_effect
@@ -314,6 +315,32 @@ def page(
     return "\n".join(lines) + "\n"
 
 
+JUDGED = "## On seeds that nothing was fitted to"
+
+
+def judged(trials: Sequence[KnownTrial], failed: int, table: CalibrationTable, command: str) -> str:
+    """The section of the page that tells how a table does on trials that it has never seen."""
+    said = [answer(one, table) for one in trials]
+    seeds = sorted(t.seed for t in trials)
+    columns = {
+        "all": said,
+        "twin": [a for a in said if a.trial.source == "twin"],
+        "second engine": [a for a in said if a.trial.source == "engine"],
+        "clean": [a for a in said if not a.trial.dirty],
+        "dirty": [a for a in said if a.trial.dirty],
+    }
+    lines = [
+        JUDGED, "",
+        f"Made by `{command} --judge` from {len(trials)} further trials, seeds {seeds[0]} to {seeds[-1]};",
+        f"{failed} more could not be diagnosed. What is told of each is told by table {table.version} as it",
+        "stands in the program.", "",
+        *markdown_table(_summary(columns)), "",
+        *markdown_table(_reliability([answer(one, None) for one in trials], said)), "",
+        *markdown_table(_by_kind(said, table)),
+    ]  # fmt: skip
+    return "\n".join(lines) + "\n"
+
+
 def _plain(value: Any) -> str:
     return ", ".join(f"{v:.3f}" for v in value) if isinstance(value, tuple) else f"{value:.3f}"
 
@@ -379,11 +406,21 @@ def _by_kind(after: Sequence[Answered], table: CalibrationTable) -> list[list[st
 @click.argument("results", type=click.Path(exists=True, path_type=Path))
 @click.option("--table", type=click.Path(path_type=Path), help="Table, such as resources/calibration.json.")
 @click.option("--page", "target", type=click.Path(path_type=Path), help="Page, such as docs/calibration.md.")
+@click.option("--judge", is_flag=True, help="Fit nothing: judge the program's table on these trials.")
 @click.option("--version", default="1", show_default=True)
 @click.option("--command", default="python -m tests.hidden.sweep.calibrate", hidden=True)
-def main(results: Path, table: Path | None, target: Path | None, version: str, command: str) -> None:
+def main(
+    results: Path, table: Path | None, target: Path | None, judge: bool, version: str, command: str
+) -> None:
     """Fit the map from odds to probabilities and the sets, and judge both on other trials."""
     trials, failed = read(results)
+    if judge:
+        text = judged(trials, failed, calibration(), command)
+        click.echo(text)
+        if target is not None:
+            page_before = target.read_text(encoding="utf-8").split(JUDGED)[0].rstrip("\n")
+            target.write_text(f"{page_before}\n\n{text}", encoding="utf-8")
+        return
     said = judged_by_others(trials, version)
     made = replace(
         fit_table(trials, version), judged=len(said), error=round(calibration_error(said), 4),
