@@ -19,6 +19,7 @@ import tempfile
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -41,6 +42,7 @@ class Room:
     out: int
 
 
+@cache
 def graph_of(root: Path = ROOT) -> tuple[Graph, dict[Module, int]]:
     """Which module imports which, and the lines of each; ``root`` holds ``fingerlab/`` and ``ui/``."""
     paths = {

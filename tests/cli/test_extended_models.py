@@ -63,7 +63,7 @@ def nominal_file(session_file: Path) -> Path:
 
 
 def predictions(session: Path, model: Path, tmp_path: Path) -> dict[str, dict[str, object]]:
-    target = tmp_path / "p.json"
+    target = tmp_path / f"p-{model.name}"
     assert run_command("predict", session, "--model", model, "--json", target) == 0
     data = json.loads(target.read_text(encoding="utf-8"))
     return {p["parameters"]: p for p in data["predictions"]}
@@ -162,6 +162,18 @@ def test_compare_puts_the_better_model_in_front_of_the_nominal(
     assert late["endpoint_force"]["rmse"] < 0.2 * nominal["endpoint_force"]["rmse"]
     assert late["errors"]["endpoint_force"]["rmse"] < 0.2 * nominal["errors"]["endpoint_force"]["rmse"]
     assert {p.name for p in figures.iterdir()} == {"error.png", "force-error.png"}
+
+
+def test_a_model_keeps_what_its_shapes_took_from_the_fit(
+    session_file: Path, model_file: Path, tmp_path: Path
+) -> None:
+    """As in a model of many effects, where a delay is told to the others; here there is no other."""
+    found = json.loads(model_file.read_text(encoding="utf-8"))["details"]["extended"]["values"]
+    told = changed(
+        model_file, tmp_path / "told.json",
+        lambda d: d["details"]["shapes"].update(transport_delay={"late": found["delay"]}),
+    )  # fmt: skip
+    assert predictions(session_file, told, tmp_path) == predictions(session_file, model_file, tmp_path)
 
 
 def changed(path: Path, target: Path, change: Callable[[dict], None]) -> Path:

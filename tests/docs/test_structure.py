@@ -22,7 +22,7 @@ def structure() -> ModuleType:
 
 
 def test_nothing_imports_in_a_circle(structure: ModuleType) -> None:
-    graph, lines = structure.graph_of()
+    graph, lines = structure.graph_of(ROOT)
     assert structure.circles(graph) == []
     assert ("fingerlab", "diagnosis", "diagnose") in graph[("fingerlab", "diagnosis")]
     assert sum(lines.values()) == sum(room.lines for room in structure.rooms())
@@ -45,7 +45,7 @@ def test_a_circle_is_seen(structure: ModuleType, tmp_path: Path) -> None:
 
 
 def test_the_rooms_of_the_diagnosis_stand_on_at_most_eight_levels(structure: ModuleType) -> None:
-    graph, _ = structure.graph_of()
+    graph, _ = structure.graph_of(ROOT)
     folder = ("fingerlab", "diagnosis")
     members = [module for module in graph if module[:2] == folder and len(module) > 2]
     rooms: dict[tuple[str, ...], set[tuple[str, ...]]] = defaultdict(set)
