@@ -125,6 +125,7 @@ class Drive:
         if status.loop_ended:
             raise SystemExit(f"The loop has ended: {status.fault}")
         self._bench.ask(Reset())
+        self._bench.ask(SetUp("on_air", "extension"))  # the pulley has run out: a person hangs the cable anew
         for _ in range(TRIES):
             self._pause(REST_S)
             try:
