@@ -190,33 +190,19 @@ def _each_left_out(scorer: Scorer, fitted: FittedModel, keep: int) -> list[Fitte
 
 
 def _in_order(scorer: Scorer, fitted: FittedModel, keep: int) -> list[FittedModel]:
-    """The path to a model, held out: always what explains most beside those before it.
+    """The path to a model, held out: always what explains most beside those before it, of runs left out.
 
-    Of effects that explain nearly as much, the one comes first that the whole model can spare least. What
-    helps the fit but leaves more on runs that it has not seen, comes when others are there, if one is better.
+    Of effects that explain nearly as much, the one comes first that the whole model can spare least.
     """
     without = zip(fitted.choices[keep:], _each_left_out(scorer, fitted, keep), strict=True)
     rest = [c for c, one in sorted(without, key=lambda pair: -pair[1].misfit)]
     path = [scorer.score_held_out(scorer.fit(fitted.choices[:keep], fitted, FULL_ITERATIONS))]
     while rest:
         longer = [scorer.fit([*path[-1].choices, one], fitted, FULL_ITERATIONS) for one in rest]
-        gains = [path[-1].fit.cost - one.fit.cost for one in longer]
+        longer = [scorer.score_held_out(one) for one in longer]
+        gains = [path[-1].misfit - one.misfit for one in longer]
         most = max(gains)  # below zero where none gains: then what can be spared least comes next
-        near = [i for i, gain in enumerate(gains) if gain >= NEARLY_AS_GOOD * most]
-        order = [*near, *sorted(set(range(len(rest))) - {*near}, key=lambda i: -gains[i])]
-        chosen, best = _first_fall(scorer, path[-1], [(i, longer[i]) for i in order])
-        path.append(best)
-        del rest[chosen]
+        near = next((i for i, gain in enumerate(gains) if gain >= NEARLY_AS_GOOD * most), 0)
+        path.append(longer[near])
+        del rest[near]
     return path
-
-
-def _first_fall(
-    scorer: Scorer, before: FittedModel, tried: Sequence[tuple[int, FittedModel]]
-) -> tuple[int, FittedModel]:
-    """The first that leaves less on runs left out, with its number; if none does, the first of all."""
-    for number, one in tried:
-        held_out = scorer.score_held_out(one)
-        if held_out.score < before.score:
-            return number, held_out
-    number, one = tried[0]
-    return number, scorer.score_held_out(one)
