@@ -83,6 +83,11 @@ def _probabilities(folder: Path) -> Iterator[str]:
         if row[0] in ("expected calibration error", "truth in the set", "answers in the set, median; mean"):
             figure = f"{row[head.index('calibrated')]} (without calibration {row[1]})"
             yield _line(f"probabilities: {row[0]}", figure, "probabilities.md", "Probabilities")
+    _, rows = table(folder / "probabilities.md", "all", "twin")
+    for row in rows:
+        if row[0] in ("expected calibration error", "truth in the set"):
+            what = f"probabilities on seeds that nothing was fitted to: {row[0]}"
+            yield _line(what, row[1], "probabilities.md", "Probabilities")
 
 
 def _foretold(folder: Path) -> Iterator[str]:
