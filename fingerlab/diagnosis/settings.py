@@ -437,7 +437,8 @@ others; assumed: what many laws that are nearly right leave moves by as much."""
 USUAL_SHARE = 0.03
 """The same of what every bench has; assumed: it is there in any case, and stays while it is seen at all."""
 TOO_CLOSE = 0.9
-"""... and from which on laws that are not alike cannot be told apart, so that none is added; assumed."""
+"""... and from which on laws that are not alike cannot be told apart, so that none is added, or that comes
+first which the others can spare least; assumed."""
 FAR_SHARE = 0.15
 """Many effects together must leave less than this share of the misfit: several together can imitate one that
 nobody knows; assumed, and moved from 0.1 for one bench as built, of which they left 0.14."""

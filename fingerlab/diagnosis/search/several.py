@@ -202,7 +202,7 @@ def _in_order(scorer: Scorer, fitted: FittedModel, keep: int) -> list[FittedMode
         longer = [scorer.score_held_out(one) for one in longer]
         gains = [path[-1].misfit - one.misfit for one in longer]
         most = max(gains)  # below zero where none gains: then what can be spared least comes next
-        near = next((i for i, gain in enumerate(gains) if gain >= NEARLY_AS_GOOD * most), 0)
+        near = next((i for i, gain in enumerate(gains) if gain >= TOO_CLOSE * most), 0)
         path.append(longer[near])
         del rest[near]
     return path
