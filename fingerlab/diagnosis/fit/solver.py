@@ -561,7 +561,7 @@ def bounded_step(values: Array, gradient: Array, information: Array, low: Array,
         if out.any():
             # Go as far as the first bound on the way, and stay there.
             change = target - step
-            with np.errstate(divide="ignore", invalid="ignore"):
+            with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
                 room = np.where(change > 0, (ceiling - step) / change, (floor - step) / change)
             room[~out] = np.inf
             first = int(np.argmin(room))
