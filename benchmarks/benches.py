@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from fingerlab.acquisition.bench.process_bench import InlineBench, ProcessBench
 from fingerlab.acquisition.bench.steering import LoopSettings
-from fingerlab.acquisition.control.position import BenchUnits
+from fingerlab.acquisition.control.units import BenchUnits
 from fingerlab.devices.choosing import DeviceChoice
 from fingerlab.devices.ni.card import NiCard
 from fingerlab.devices.simulated import SimulatedBench, SimulatedRig, Simulation

@@ -23,7 +23,7 @@ PROGRAM = """
 import sys, time
 from PySide6.QtCore import QSettings, QTimer
 from PySide6.QtWidgets import QApplication
-from fingerlab.ui import application
+from fingerlab.ui.app import application
 from fingerlab.ui.app.context import Settings
 from fingerlab.ui.app.window import MainWindow
 

@@ -24,8 +24,8 @@ from fingerlab.diagnosis.settings import TOLERANCES, USUAL_RATIOS, USUAL_SPREAD
 from fingerlab.effects import CATALOGUE, Effect
 from fingerlab.physics.parameter import Parameter
 from fingerlab.report.equation_text import markdown_words
-from fingerlab.rig.daq import Limits, limits_table
 from fingerlab.rig.file import CONSTANT_UNITS, default_rig, sources_of
+from fingerlab.rig.limits import Limits, limits_table
 
 DOCS = Path(__file__).resolve().parent
 sys.path.insert(0, str(DOCS))

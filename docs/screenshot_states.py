@@ -17,7 +17,7 @@ from PySide6.QtWidgets import QLabel, QTableView, QWidget
 
 from fingerlab.acquisition.bench.process_bench import InlineBench
 from fingerlab.acquisition.bench.steering import LoopSettings
-from fingerlab.acquisition.control.position import BenchUnits
+from fingerlab.acquisition.control.units import BenchUnits
 from fingerlab.calibration import StepTiming
 from fingerlab.cli.main import cli
 from fingerlab.core.text import estimate_text, score_text
@@ -38,9 +38,9 @@ from fingerlab.ui.calibrate.calibrate_tab import CalibrateTab
 from fingerlab.ui.calibrate.result_page import ResultPage
 from fingerlab.ui.fit.fit_tab import FitTab
 from fingerlab.ui.fit.fit_view import ReplicateDialog
+from fingerlab.ui.lab.model_dialogs import SideBySideDialog
 from fingerlab.ui.lab.model_lab_tab import ModelLabTab
 from fingerlab.ui.lab.own_effects import OwnEffects
-from fingerlab.ui.lab.side_by_side import SideBySideDialog
 from fingerlab.ui.predict.force_panel import ModelsDialog
 from fingerlab.ui.predict.predict_tab import PredictTab
 from fingerlab.ui.sessions.import_dialog import ImportDialog

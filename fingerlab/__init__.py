@@ -24,8 +24,8 @@ _HOMES = {
     "UserError": "fingerlab.core.errors",
     "open": "fingerlab.notebook.session",
     "simulate": "fingerlab.notebook.session",
-    "diagnose": "fingerlab.notebook.session",
-    "catalogue": "fingerlab.notebook.session",
+    "diagnose": "fingerlab.notebook.diagnosis",
+    "catalogue": "fingerlab.notebook.diagnosis",
     "fit": "fingerlab.notebook.model",
     "load_model": "fingerlab.notebook.model",
 }
@@ -33,8 +33,9 @@ _HOMES = {
 
 if TYPE_CHECKING:
     from fingerlab.core.errors import UserError
+    from fingerlab.notebook.diagnosis import catalogue, diagnose
     from fingerlab.notebook.model import fit, load_model
-    from fingerlab.notebook.session import catalogue, diagnose, open, simulate
+    from fingerlab.notebook.session import open, simulate
 else:
 
     def __getattr__(name: str) -> Any:

@@ -294,7 +294,7 @@ class OpenRun:
         if not self.gaps:
             return f"{told}, nothing missing; usable."
         gaps = "1 gap" if self.gaps == 1 else f"{self.gaps} gaps"
-        told += f", {gaps} with {self.dropped} samples missing"
+        told += f", {gaps} with {self.dropped} {'sample' if self.dropped == 1 else 'samples'} missing"
         if self.longest >= USABLE_S * rate:
             return f"{told}; usable, piece by piece between them (the longest {self.longest / rate:.1f} s)."
         return (
@@ -308,4 +308,5 @@ class OpenRun:
         if not self.dropped:
             return ""
         why = f", {self.not_numbers} of them were no numbers" if self.not_numbers else ""
-        return f"{self.dropped} samples were lost in gaps{why}."
+        lost = "1 sample was" if self.dropped == 1 else f"{self.dropped} samples were"
+        return f"{lost} lost in gaps{why}."

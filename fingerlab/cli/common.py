@@ -69,10 +69,10 @@ def asked_device(rig: Rig | None, what_for: str) -> str:
     names = [one.name for one in found if one.available]
     if not somebody_there():
         raise UserError(
-            f"--device is missing; name the bench {what_for}: {' or '.join(names)}, or another card."
+            f"--device is missing; name the bench {what_for}: {', '.join(names)}, or a card such as Dev1."
         )
     click.echo(opening_sentence(found), err=True)
-    return str(click.prompt(f"Which bench ({', '.join(names)}, or another card)", err=True))
+    return str(click.prompt(f"Which bench ({', '.join(names)}, or a card such as Dev1)", err=True))
 
 
 class Within(click.FloatRange):

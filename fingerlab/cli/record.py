@@ -227,7 +227,7 @@ def _open(
     """
     from fingerlab.acquisition.bench.steering import LoopSettings
     from fingerlab.acquisition.check_rig.walk import bench_key, checks_folder, last_check
-    from fingerlab.acquisition.control.position import BenchUnits
+    from fingerlab.acquisition.control.units import BenchUnits
     from fingerlab.acquisition.recording import rescue_folder
     from fingerlab.calibration.store import default_folder, rig_and_attributes
     from fingerlab.devices.protocol import SelfDescribing

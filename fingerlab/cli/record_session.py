@@ -381,7 +381,9 @@ def take(
             why = KeyboardInterrupt() if interrupts.asked or script.stopped else error
             _keep(bench, why, told.out, _Writing(events, bar, report))
             raise why from None
-    return _write(bench, told.out, _Writing(events, bar, report)), driver.samples, driver.number
+    numbers = [step.number for step in steps if isinstance(step, Record)]  # from the one that was begun with
+    path = _write(bench, told.out, _Writing(events, bar, report))
+    return path, driver.samples, sum(number <= driver.number for number in numbers)
 
 
 class _Writing:

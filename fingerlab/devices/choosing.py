@@ -286,7 +286,7 @@ class DeviceChoice:
 
             return NiCard(self.rig or default_rig(), clock)
         if self.kind == REPLAY:
-            from fingerlab.devices.protocol import Replay
+            from fingerlab.devices.replay import Replay
 
             if self.session is None:
                 raise UserError("A replay needs a session file; give replay:FILE or replay:FILE#RUN.")

@@ -32,8 +32,8 @@ from fingerlab.diagnosis.answer.wording import (
     residual_offsets,
 )
 from fingerlab.diagnosis.equations.model import Choice, build
+from fingerlab.diagnosis.fit.data import Weights
 from fingerlab.diagnosis.fit.run_spreads import find_constants
-from fingerlab.diagnosis.fit.weights import Weights
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.score.calibration import (
     NOTHING,
@@ -50,8 +50,7 @@ from fingerlab.diagnosis.score.evidence import (
     shares_of_rivals,
     undetectable,
 )
-from fingerlab.diagnosis.score.fitted_model import FittedModel, at_found_shapes
-from fingerlab.diagnosis.score.paired import paired_score
+from fingerlab.diagnosis.score.fitted_model import FittedModel, at_found_shapes, paired_score
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.score.selection import justified, much_left
 from fingerlab.diagnosis.search.grid_refinement import fit_refined, with_shapes_of
@@ -78,6 +77,7 @@ def diagnose(
     kept: Reduction | None = None,
     held: Mapping[str, float] | None = None,
     first: Callable[[FirstLook], None] | None = None,
+    before: Diagnosis | None = None,
 ) -> Diagnosis:
     """Where the model fails and which effect is missing.
 
@@ -92,6 +92,7 @@ def diagnose(
         held: unknowns of the model as given, by key, and the value that every model is to hold them at, SI.
         first: is told the error of the model with the ``added`` effects before others are looked for; once
             more when their shapes are found between the points of their grids.
+        before: an earlier diagnosis of these sessions, in whose floors ``first`` is told; None: the model's.
 
     Raises:
         UserError: an unknown effect or unknown to hold, nothing to analyse, a run that cannot be read.
@@ -114,7 +115,7 @@ def diagnose(
         if given:
             settle_constants(reduction, Scorer(reduction.of([])))
             # There and in the catalogue at the shapes that fit best.
-            look = None if first is None else partial(_look, first, reduction.weights)
+            look = None if first is None else partial(_look, first, _weights_of(before))
             alone = fit_refined(reduction, given, stages.part(0.2, 0.25), look)
             given = at_found_shapes(alone[1])
             catalogue = with_shapes_of(catalogue, given)
@@ -126,8 +127,12 @@ def diagnose(
         found = search_effects(question, scorer)
         if much_left(found.path[-1], NEARLY_RIGHT):
             found = searched_again(question, scorer, found)
-        reduction.weights = found.evidence.base.weights
         return _answer(question, found, display, started)
+
+
+def _weights_of(before: Diagnosis | None) -> Weights | None:
+    """Under which an earlier answer told its error."""
+    return None if before is None or before.fitted is None else before.fitted.weights
 
 
 def _look(
@@ -136,6 +141,7 @@ def _look(
     """Tell what a model leaves of the runs that its fit has not seen, in the floors of the last answer."""
     if weights is not None:
         fitted = scorer.fit(fitted.choices, fitted, FULL_ITERATIONS, weights)
+        scorer = scorer.in_floors()
     found = scorer.score_held_out(fitted, residuals=True)
     first(FirstLook(tuple(found.effect_ids), found.score, equation_errors(scorer.reduced, found)))
 

@@ -188,7 +188,7 @@ deviation; assumed: a tenth of what friction of 0.2 holds at 1 N."""
 LEAST_REPEATS = 3
 """Runs of one condition from which on their differences are known to be the runs', not the condition's."""
 
-# ## How well any law of a motor's state could tell its torque, where no motion comes again
+# ## How well any law of the motor's state could tell a signal, where no motion comes again
 
 STATE_SPEEDS = tuple(0.01 * 4.0**k for k in range(7))
 """Speeds about which friction may change, rad/s: any function of speed is made of them; assumed."""
@@ -200,6 +200,8 @@ STATE_RIDGE = 1e-6
 """Ridge as a share of a function's own size: functions are much alike, and numbers have sixteen digits."""
 STATE_LEAST_GAIN = 0.02
 """Share of the squared error on what was left out by which a further function must lower it; assumed."""
+LEAST_STATE_SHARE = 1e-6
+"""A law of the state lowers the mean square of a residual to this share at most: sums have sixteen digits."""
 STATE_BLOCK = 50
 """Decimated samples of a block, about 2 s: a single run is left out by such blocks."""
 
@@ -356,8 +358,12 @@ CLOSER_RIVALS = 2
 RIVAL_LOG_ODDS = float(np.log(2.0))
 """Log odds from which on a model with an effect exchanged is told as the better one: twice as likely."""
 DOUBTED = 0.05
-"""Share of its probability that "nothing missing" keeps where a model leaves what no bench
-does; assumed."""
+"""Share of its probability that "nothing missing" keeps where a model leaves what no bench does, and that
+effects keep where a path leaves so much; assumed: of blind trials with such a path, 20 in 22 lacked something
+that had been left out of the catalogue."""
+UNEXPLAINED, UNEXPLAINED_SHARE = 2.0, 0.1
+"""A path leaves too much from this squared score above one on, if that is also this share of what was missed:
+it did in 20 of 101 trials whose effect had been left out of the catalogue, and in 2 of 422 of the others."""
 
 # ## What could not show
 

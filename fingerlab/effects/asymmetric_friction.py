@@ -3,7 +3,7 @@
 import numpy as np
 
 from fingerlab.effects.base import BESIDE_A_FINGER, Effect, Example, Formula, Row, Shape, Term, rubbing
-from fingerlab.effects.joints import FRICTION, WINDING_SHAPES, coulomb_terms, drive_terms, pull_terms
+from fingerlab.effects.transmission import FRICTION, WINDING_SHAPES, coulomb_terms, drive_terms, pull_terms
 from fingerlab.physics.motion import Motion
 from fingerlab.physics.parameter import LOSS, Parameter
 

@@ -133,6 +133,11 @@ Columns = Callable[[Motion, Shape], list[Term]]
 Closer = Callable[[Shape], Sequence[Shape]]
 
 
+def of_shape(effect: str, name: str) -> str:
+    """Key by which a shape follows a number of another effect's shape."""
+    return f"{effect}/{name}"
+
+
 def as_found(shape: Shape) -> Sequence[Shape]:
     """The shape alone: there is nothing between the points of the grid."""
     return (shape,)
@@ -197,8 +202,9 @@ class Effect:
             finger": it has them, but alone it is what the bench's own equation fits.
         special: how the fit treats it where it is not a column: "delay" or "slack".
         relaxes: nuisances that this effect sets free (the same terms without the tight prior).
-        follows: numbers of a shape that are the sum of other unknowns of the model, and those unknowns' keys;
-            grid refinement takes them from the model, on the coarse grid they are missing.
+        follows: numbers of a shape that are the sum of other unknowns of the model, and those unknowns' keys,
+            or a number of another effect's shape (:func:`of_shape`); grid refinement takes them from the
+            model, on the coarse grid they are missing.
         turns: by how much (rad) the load cell's face is turned against the finger at a point of ``shapes``;
             what the tip does along the face turns with it.
         family: one of ``FAMILIES``. formula: what is printed of it.
@@ -321,8 +327,8 @@ FINE_OCTAVE = tuple(2.0 ** (k / 8) for k in range(-6, 7))
 """Factors for a travel of degrees, on which much of every cycle depends."""
 SPEED_FACTORS = (0.5, 0.7, 1.0, 1.4, 2.0)
 SHARPNESSES = (0.0, 0.5, 1.0)
-"""Virgin curves of a friction that builds up (:func:`hysteresis.friction_state`): many contacts, parts that
-let go evenly, one contact."""
+"""Virgin curves of a friction that builds up (:func:`friction_states.friction_state`): many contacts, parts
+that let go evenly, one contact."""
 
 
 def times(name: str, factors: Sequence[float] = OCTAVE) -> Closer:

@@ -4,7 +4,7 @@ When it does is told by the tension, less what motor and gearbox were found to k
 """
 
 from fingerlab.effects.base import Effect, Example, Formula, Row
-from fingerlab.effects.joints import DRIVE, no_columns
+from fingerlab.effects.transmission import DRIVE, no_columns
 
 EFFECT = Effect(
     id="cable_slack",

@@ -1,6 +1,7 @@
 """The sheath takes its share of the tension."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -15,9 +16,10 @@ from fingerlab.effects.base import (
     Term,
     either,
     every,
+    of_shape,
     times,
 )
-from fingerlab.effects.joints import (
+from fingerlab.effects.transmission import (
     DRIVE,
     USUAL_STICKING_DEG,
     WINDING_TRAVELS_DEG,
@@ -25,7 +27,7 @@ from fingerlab.effects.joints import (
     pull_terms,
     winding_state,
 )
-from fingerlab.physics.friction_states import friction_state, rubbing_forces
+from fingerlab.physics.friction_states import first_order_lags, friction_state, rubbing_forces
 from fingerlab.physics.motion import Motion, nothing
 from fingerlab.physics.parameter import Parameter
 from fingerlab.sessions.model import Array
@@ -40,6 +42,8 @@ gearbox, whose friction also grows with the load, winds up by more, and so does 
 OTHER_HELD_TRAVELS_DEG = tuple(0.1 * 2.0 ** (k / 2) for k in range(-1, 8))
 """Where they are looked for when a cable that follows the tension was found: from the stiff cable's to eight
 times as far, for a sheath of textile on a soft glove."""
+LAG = "stretch_lag"
+"""Number of a shape: the time constant by which the stretch was found to lag behind the tension, s."""
 SHARE = "share_"
 """Before a cable's name: the share that its sheath was found to take."""
 MOST_SHARE = 0.7
@@ -60,9 +64,10 @@ def columns(motion: Motion, shape: Shape) -> list[Term]:
     and gearbox keep for themselves never reaches the sheath.
 
     What takes the share s of the motor's tension winding in, 1 - exp(-mu phi), gives exp(mu phi) - 1, which
-    is s / (1 - s), of it paying out. What sticks is equally stiff in either sheath, so that it slides over a
-    travel in proportion to s; the one told is that of the sheath which takes more. On the grid s is small,
-    and the same for both; between its points it is what was found.
+    is s / (1 - s), of it paying out. A cable whose stretch lags behind its tension lags behind what the
+    sheath takes of it, too. What sticks is equally stiff in either sheath, so that it slides over a travel in
+    proportion to s; the one told is that of the sheath which takes more. On the grid s is small, and the
+    same for both; between its points it is what was found.
     """
     shares = {sign: shape.get(SHARE + cable, 0.0) for cable, sign in CABLES.items()}
     share, most = shares.get(motion.cable_sign, 0.0), max(shares.values())
@@ -83,14 +88,18 @@ def columns(motion: Motion, shape: Shape) -> list[Term]:
 
         return friction_state(motion.position, float(np.radians(travel)), sharpness, stops)
 
-    law = travel, sharpness, held, *drive.values(), paying_out
+    def lagging() -> Array:
+        return first_order_lags(mine, [lag], motion.sample_rate_hz)[0]
+
+    law, lag = (travel, sharpness, held, *drive.values(), paying_out), shape.get(LAG, 0.0)
     mine = motion.remember(("sheath", *law), lost)
+    late = motion.remember(("sheath", *law, lag), lagging) if lag > 0.0 else mine
     others = motion.remember(("another sheath", *law), lambda: nothing(len(mine)))
-    terms = [
-        term
-        for cable, sign in CABLES.items()
-        for term in pull_terms(cable, mine if motion.cable_sign == sign else others)
-    ]
+    terms = []
+    for cable, sign in CABLES.items():
+        own = motion.cable_sign == sign
+        *joints, stretch = pull_terms(cable, mine if own else others)
+        terms += [*joints, replace(stretch, values=late if own else others)]
     return [t for t in terms if shape["stretch_behind"] or t.row != Row.CABLE]
 
 
@@ -124,6 +133,7 @@ def _sheath_closer(shape: Shape) -> Sequence[Shape]:
 FOLLOWING = {
     **DRIVE,
     **{SHARE + cable: (f"capstan_friction.{cable}",) for cable in CABLES},
+    LAG: (of_shape("cable_stretch", "time_constant"),),
 }
 """What a shape takes from the unknowns of its model."""
 

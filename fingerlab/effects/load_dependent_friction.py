@@ -3,7 +3,7 @@
 import numpy as np
 
 from fingerlab.effects.base import OCTAVE, Effect, Example, Formula, Row, Shape, Term, rubbing
-from fingerlab.effects.joints import drive_terms
+from fingerlab.effects.transmission import drive_terms
 from fingerlab.physics.friction_states import friction_state, rubbing_forces
 from fingerlab.physics.motion import Motion
 from fingerlab.physics.parameter import Parameter

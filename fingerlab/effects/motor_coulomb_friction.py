@@ -1,7 +1,7 @@
 """Coulomb friction in motor and gearbox."""
 
 from fingerlab.effects.base import Effect, Example, Formula, Row, rubbing
-from fingerlab.effects.joints import FRICTION, WINDING_SHAPES, coulomb_terms
+from fingerlab.effects.transmission import FRICTION, WINDING_SHAPES, coulomb_terms
 
 EFFECT = Effect(
     id="motor_coulomb_friction",

@@ -1,7 +1,7 @@
 """Another inertia of rotor, gearbox and pulley than the rig file says."""
 
 from fingerlab.effects.base import BESIDE_A_FINGER, Effect, Example, Formula, Row, Shape, Term
-from fingerlab.effects.joints import drive_terms, pull_terms
+from fingerlab.effects.transmission import drive_terms, pull_terms
 from fingerlab.physics.motion import Motion
 from fingerlab.physics.parameter import Parameter
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from fingerlab.effects.base import Effect, Example, Formula, Row, Shape, Term, dahl_or_masing
-from fingerlab.effects.joints import FRICTION, drive_terms, winding_state
+from fingerlab.effects.transmission import FRICTION, drive_terms, winding_state
 from fingerlab.physics.friction_states import dahl_states, with_grid
 from fingerlab.physics.motion import Motion
 

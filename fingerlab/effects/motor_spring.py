@@ -1,7 +1,7 @@
 """An elastic torque on the motor side."""
 
 from fingerlab.effects.base import Effect, Example, Formula, Row, Shape, Term
-from fingerlab.effects.joints import drive_terms
+from fingerlab.effects.transmission import drive_terms
 from fingerlab.physics.motion import Motion
 from fingerlab.physics.parameter import Parameter
 

@@ -18,7 +18,7 @@ from fingerlab.effects.base import (
     rubbing,
     times,
 )
-from fingerlab.effects.joints import (
+from fingerlab.effects.transmission import (
     FRICTION,
     USUAL_STICKING_DEG,
     coulomb_terms,

@@ -1,7 +1,7 @@
 """Other moment arms of the flexion cable: an unknown of every model, set free; there is no column."""
 
 from fingerlab.effects.base import Effect, Example, Formula, Row
-from fingerlab.effects.joints import no_columns
+from fingerlab.effects.transmission import no_columns
 from fingerlab.physics.parameter import Parameter
 
 EFFECT = Effect(

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from fingerlab.effects.base import Effect, Example, Formula, Row, Shape, Term, plus
-from fingerlab.effects.joints import drive_terms, pull_terms
+from fingerlab.effects.transmission import drive_terms, pull_terms
 from fingerlab.physics.motion import LEAST_PERIODS, Motion, strongest_orders
 from fingerlab.physics.parameter import Parameter
 

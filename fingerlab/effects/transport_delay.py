@@ -1,10 +1,10 @@
 """Angles and force are recorded late: the fit shifts the motor's channels; there is no column.
 
-What other effects make of the motor's channels is as late as was found before (``joints.LATE``).
+What other effects make of the motor's channels is as late as was found before (``transmission.LATE``).
 """
 
 from fingerlab.effects.base import Effect, Example, Formula, Row
-from fingerlab.effects.joints import LATE, no_columns
+from fingerlab.effects.transmission import LATE, no_columns
 from fingerlab.physics.parameter import Parameter
 
 EFFECT = Effect(

@@ -16,8 +16,8 @@ from fingerlab.diagnosis.answer.results import EquationError
 from fingerlab.diagnosis.equations.model import Choice
 from fingerlab.diagnosis.equations.model import Model as EquationsModel
 from fingerlab.diagnosis.equations.parameters import ARMS, CABLE_OFFSET
+from fingerlab.diagnosis.fit.data import Weights
 from fingerlab.diagnosis.fit.solver import Fit, Fitter
-from fingerlab.diagnosis.fit.weights import Weights
 from fingerlab.diagnosis.gram.reduction import reduce_sessions
 from fingerlab.diagnosis.gram.sums import Reduced
 from fingerlab.diagnosis.score.fitted_model import FittedModel

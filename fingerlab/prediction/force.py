@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fingerlab.core.errors import UserError
-from fingerlab.diagnosis.equations.columns import (
+from fingerlab.diagnosis.equations.coefficients import (
     CABLE_NAMES,
     DELAY,
     Coefficients,
@@ -35,13 +35,13 @@ from fingerlab.diagnosis.equations.features import (
     shifted_columns,
     turned_columns,
 )
-from fingerlab.diagnosis.gram.runs import counted
+from fingerlab.diagnosis.gram.decimation import counted
 from fingerlab.diagnosis.settings import SLIP_STIFFNESSES
 from fingerlab.diagnosis.signals.filters import decimate
 from fingerlab.diagnosis.signals.scales import SI, Scales, reduced_rig, reduced_run
 from fingerlab.diagnosis.signals.segments import segments_of
 from fingerlab.effects.base import Effect, Row
-from fingerlab.effects.joints import as_effects_see_it
+from fingerlab.effects.transmission import as_effects_see_it
 from fingerlab.physics.motion import TOUCHING_FORCE_N, Motion
 from fingerlab.sessions.model import Array, Run, Session
 from fingerlab.sessions.trajectory import named_frequency

@@ -24,8 +24,8 @@ from fingerlab.physics.motion import Motion
 from fingerlab.prediction.extended import MOST_STRETCH, Band, Variant, extended_model, force_rate
 from fingerlab.prediction.force import forces_of_motion
 from fingerlab.prediction.target import ContactPose, WantedForce, words_of
-from fingerlab.rig.daq import Limits
 from fingerlab.rig.file import Rig
+from fingerlab.rig.limits import Limits
 from fingerlab.sessions.model import Array
 from fingerlab.signals.periods import REGION_TITLES
 from fingerlab.thesis.contact import parameter_sets

@@ -18,7 +18,7 @@ from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress, Watch
 from fingerlab.diagnosis.answer.wording import every_parameter
 from fingerlab.diagnosis.equations.model import Choice
-from fingerlab.diagnosis.fit.weights import temperature
+from fingerlab.diagnosis.fit.data import temperature
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.score.scorer import Scorer

@@ -123,7 +123,7 @@ def suspected(diagnosis: Diagnosis) -> tuple[Candidate, ...]:
 
 def _floor(diagnosis: Diagnosis) -> str:
     """What errors are told in multiples of."""
-    return "the bench's own repeatability" if diagnosis.repeats else "what the best model leaves"
+    return "the bench's own repeatability" if diagnosis.repeats else "its floor"
 
 
 def alone(diagnosis: Diagnosis) -> bool:
@@ -141,8 +141,9 @@ def floor_sentence(diagnosis: Diagnosis) -> str:
     if diagnosis.repeats:
         return ""
     return (
-        "No motion in these runs comes again, so noise and what a model misses look alike: what no effect of "
-        "the catalogue explains would not show. A sine of a few cycles would tell."
+        "No motion in these runs comes again. The floor is therefore what the best model leaves or, where "
+        "that is less, what a law of the measured state leaves that knows no physics: it bounds the noise, "
+        "and a sine of a few cycles would tell it."
     )
 
 

@@ -14,6 +14,7 @@ from fingerlab.core.text import (
     fixed,
     largest_of,
     screen_unit,
+    with_minus,
 )
 from fingerlab.diagnosis.equations.parameters import CHANGED_OFFSET, SLIPS
 from fingerlab.diagnosis.settings import MOST_CHANGES
@@ -154,7 +155,7 @@ def cells(one: FittedParameter, keys: Sequence[str]) -> tuple[str, str, str, str
     )
     places = places_of(one, unit)
     interval = "–" if one.held else f"{fixed(low, places)} to {fixed(high, places)}"
-    bounds = f"{_bound(least)} to {_bound(most)}"
+    bounds = _bounds(least, most, FAR * largest_of((value, low, high)))
     return parameter_title(one.key, keys), fixed(value, places), interval, bounds, unit.symbol, known_by(one)
 
 
@@ -164,5 +165,19 @@ def places_of(one: FittedParameter, unit: ScreenUnit) -> int:
     return decimals_for(half if half > 0 and not one.held else 1e-3 * unit.factor * (one.high - one.low))
 
 
+FAR = 1000.0
+"""Times value and interval, from which on a bound is none that a fit could meet."""
+
+
+def _bounds(least: float, most: float, far: float) -> str:
+    """``0 to 115``, ``from 0``, ``none``: a bound beyond ``far`` is left out; all in the unit shown."""
+    if far <= 0 or max(abs(least), abs(most)) <= far:
+        return f"{_bound(least)} to {_bound(most)}"
+    if abs(least) <= far:
+        return f"from {_bound(least)}"
+    return f"up to {_bound(most)}" if abs(most) <= far else "none"
+
+
 def _bound(value: float) -> str:
-    return f"{value:.3g}".replace("-", "−")
+    rounded = f"{value:.3g}"
+    return with_minus(f"{float(rounded):,.0f}".replace(",", "\u202f") if "e+" in rounded else rounded)

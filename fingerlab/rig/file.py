@@ -8,7 +8,7 @@ their defaults, SI. The same motion before and after it is a pair: what they hav
 Sections ``[finger]`` and ``[motor]`` hold the constants of :class:`fingerlab.rig.file.Finger` and
 :class:`fingerlab.rig.file.Motor`, each a number in SI or a table ``{ value, unit, source, tolerance }``.
 Relative tolerances may also stand in a section ``[tolerance]``, as in a session's rig text. Sections
-``[daq]`` and ``[limits]`` hold what :class:`fingerlab.rig.daq.Daq` and :class:`fingerlab.rig.daq.Limits`
+``[daq]`` and ``[limits]`` hold what :class:`fingerlab.rig.daq.Daq` and :class:`fingerlab.rig.limits.Limits`
 hold, each value again alone or as a table with unit and source.
 """
 
@@ -26,16 +26,8 @@ from fingerlab.core.errors import UserError
 from fingerlab.core.files import read_text
 from fingerlab.core.plain_data import Mismatch, read_object, structured
 from fingerlab.core.text import factor
-from fingerlab.rig.daq import (
-    CHANNEL_UNITS,
-    LIMIT_UNITS,
-    SOURCES,
-    Daq,
-    Limits,
-    plain_section,
-    read_daq,
-    read_limits,
-)
+from fingerlab.rig.daq import CHANNEL_UNITS, SOURCES, Daq, plain_section, read_daq
+from fingerlab.rig.limits import LIMIT_UNITS, Limits, read_limits
 
 T = TypeVar("T")
 

@@ -350,6 +350,10 @@ class BenchStream:
         self._samples += 1
         self._remember()
 
+    def brake(self, viscous: float) -> None:
+        """From now on so much (N m s/rad) is added to the motor's own viscous friction, at the output."""
+        self._plant["motor_viscous"] = self._bench.plant["motor_viscous"] + viscous
+
     def hang(self, load_torque: float) -> None:
         """From now on this known load (N m) is on the motor of a motor bench."""
         self._plant["load_torque"] = load_torque

@@ -11,11 +11,11 @@ import numpy as np
 from fingerlab.acquisition.bench.loop import ControlLoop
 from fingerlab.acquisition.bench.steering import LoopSettings
 from fingerlab.acquisition.control.machine import Command, Enable, Initialise, Start
-from fingerlab.acquisition.control.position import BenchUnits
+from fingerlab.acquisition.control.units import BenchUnits
 from fingerlab.acquisition.ring import COLUMN, COLUMNS, Ring
 from fingerlab.acquisition.status import SharedStatus, Slot, Text
-from fingerlab.rig.daq import Limits
 from fingerlab.rig.file import default_rig
+from fingerlab.rig.limits import Limits
 
 SINE = {"kind": "sine", "amplitude_deg": 15.0, "frequency_hz": 1.0, "offset_deg": 22.0, "duration_s": 4.0}
 

@@ -13,7 +13,7 @@ from fingerlab.acquisition.bench.bench import Kind, notices
 from fingerlab.acquisition.bench.process_bench import ProcessBench
 from fingerlab.acquisition.bench.steering import LoopSettings
 from fingerlab.acquisition.control.machine import Disable, Enable, Initialise, Release
-from fingerlab.acquisition.control.position import BenchUnits
+from fingerlab.acquisition.control.units import BenchUnits
 from fingerlab.acquisition.status import Slot
 from fingerlab.rig.file import default_rig
 from tests.faults.shared_device import SharedChoice, make_output

@@ -9,10 +9,10 @@ import pytest
 from fingerlab.acquisition.bench.process_bench import InlineBench
 from fingerlab.acquisition.bench.steering import LoopSettings
 from fingerlab.acquisition.control.machine import Enable, Initialise, SetUp, Start, Tare
-from fingerlab.acquisition.control.position import BenchUnits
+from fingerlab.acquisition.control.units import BenchUnits
 from fingerlab.acquisition.protocols.driver import run_to_record
-from fingerlab.rig.daq import Limits
 from fingerlab.rig.file import default_rig
+from fingerlab.rig.limits import Limits
 from tests.acquisition.driving import SINE
 from tests.acquisition.fake_device import FakeDevice
 

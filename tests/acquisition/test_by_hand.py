@@ -9,14 +9,14 @@ import pytest
 
 from fingerlab.acquisition.bench.process_bench import InlineBench
 from fingerlab.acquisition.bench.steering import LoopSettings
-from fingerlab.acquisition.control.machine import Enable, Initialise, Jog, TakeUp
-from fingerlab.acquisition.control.position import BenchUnits
+from fingerlab.acquisition.control.machine import Enable, Initialise, Jog, Release, Start, TakeUp
+from fingerlab.acquisition.control.units import BenchUnits
 from fingerlab.acquisition.protocols.driver import take_up_slack
 from fingerlab.acquisition.ring import COLUMN
 from fingerlab.acquisition.status import Slot
 from fingerlab.core.errors import UserError
 from fingerlab.devices.simulated import SimulatedRig, Simulation
-from tests.acquisition.driving import Driven
+from tests.acquisition.driving import SINE, Driven
 from tests.acquisition.fake_device import FakeDevice
 
 
@@ -41,6 +41,13 @@ def test_slack_is_taken_up_and_the_reference_is_where_the_joints_begin_to_move(
     assert abs(current).max() < 0.45  # 0.3 A and the monitor's noise
     again = take_up_slack(bench, Initialise())  # of what it was let go by: 2 degrees
     assert math.degrees(again) == pytest.approx(3.0, abs=2.0)
+    bench.ask(Enable())
+    bench.ask(Start(SINE))
+    bench.step(2250)  # it unwinds, as fast as it goes
+    bench.stop()
+    bench.step(1500)
+    bench.ask(Release())
+    bench.ask(Enable())  # it has come to rest within its limits, and its reference still holds
     bench.close()
 
 

@@ -11,7 +11,6 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from fingerlab.acquisition.bench.loop import STOOD_STILL
-from fingerlab.acquisition.control.believing import safety_checks
 from fingerlab.acquisition.control.machine import (
     Disable,
     Enable,
@@ -25,11 +24,12 @@ from fingerlab.acquisition.control.machine import (
     Start,
     Tare,
 )
-from fingerlab.acquisition.control.position import BenchUnits
+from fingerlab.acquisition.control.plausibility import safety_checks
+from fingerlab.acquisition.control.units import BenchUnits
 from fingerlab.acquisition.status import Slot
 from fingerlab.devices.protocol import DeviceFault
-from fingerlab.rig.daq import Limits
 from fingerlab.rig.file import default_rig
+from fingerlab.rig.limits import Limits
 from tests.acquisition.driving import SINE, Driven
 from tests.acquisition.fake_device import FakeDevice
 

@@ -10,7 +10,7 @@ from fingerlab.acquisition.bench.guardian import try_stop
 from fingerlab.acquisition.bench.process_bench import ProcessBench
 from fingerlab.acquisition.bench.steering import LoopSettings
 from fingerlab.acquisition.control.machine import Disable, Enable, Initialise, Mode, Start
-from fingerlab.acquisition.control.position import BenchUnits
+from fingerlab.acquisition.control.units import BenchUnits
 from fingerlab.acquisition.status import SharedStatus, Slot, Text
 from fingerlab.core.errors import UserError
 from fingerlab.devices.ni.card import NiCard

@@ -87,6 +87,11 @@ def test_a_stop_takes_effect_in_the_next_cycle_and_stays() -> None:
     assert "latched" in bench.ask(Enable())
     assert bench.ask(Release()) == ""
     assert bench.ask(Enable()) == ""
+    assert bench.ask(Disable()) == ""
+    bench.device.position -= 1.0  # turned by hand
+    assert "stands at -57" in (told := bench.ask(Enable()))
+    assert "limits of -20° to 160°; turn it back by hand, or initialise." in told
+    assert bench.board[Slot.FAULTS] == 0
 
 
 def test_samples_are_counted_on_over_a_stop() -> None:
@@ -209,7 +214,7 @@ def test_the_same_bench_gives_the_same_samples_every_time() -> None:
 
 
 def test_lost_cycles_pass_in_the_trajectory_too() -> None:
-    bench = Driven(FakeDevice(lost={2500: 7}))
+    bench = Driven(FakeDevice(lost={0: 40, 2500: 7}))  # those before the first sample were not lost
     bench.run()
     bench.cycles(3500)
     run = bench.column("run") == 1

@@ -13,7 +13,7 @@ import pytest
 from fingerlab.acquisition.bench.process_bench import InlineBench
 from fingerlab.acquisition.bench.steering import LoopSettings
 from fingerlab.acquisition.control.machine import Mode
-from fingerlab.acquisition.control.position import BenchUnits
+from fingerlab.acquisition.control.units import BenchUnits
 from fingerlab.acquisition.protocols.driver import Beginning, ProtocolDriver
 from fingerlab.acquisition.protocols.steps import (
     SETTLE_S,
@@ -30,8 +30,8 @@ from fingerlab.acquisition.protocols.steps import (
 from fingerlab.acquisition.recording import SessionInfo
 from fingerlab.core.errors import UserError
 from fingerlab.devices.simulated import SimulatedBench, Simulation
-from fingerlab.rig.daq import Limits
 from fingerlab.rig.file import Intervention, default_rig
+from fingerlab.rig.limits import Limits
 from fingerlab.sessions import open_session
 from fingerlab.twin.plant import OUTPUTS
 from fingerlab.twin.protocols import PROTOCOLS, RunPlan, read_run_table

@@ -18,8 +18,8 @@ from click.testing import CliRunner
 from fingerlab.acquisition.bench.process_bench import InlineBench
 from fingerlab.acquisition.bench.steering import LoopSettings, ReadyStart, prepare
 from fingerlab.acquisition.control.machine import Start
-from fingerlab.acquisition.control.position import BenchUnits
 from fingerlab.acquisition.control.trajectories import read_trajectory
+from fingerlab.acquisition.control.units import BenchUnits
 from fingerlab.acquisition.protocols.steps import Record, plan_steps
 from fingerlab.cli.record import record
 from fingerlab.cli.simulate import single_plan
@@ -215,6 +215,7 @@ def test_a_table_is_recorded_from_any_run_with_gains_of_one_s_own(tmp_path: Path
     given = ["--protocol", str(table), "--device", "simulated", "--rest", "0.2", "--out", str(out)]
     result = call(*given, "--from-run", "2", "--gains", "10,20,0.2")
     assert result.exit_code == 0, result.output
+    assert "2 runs, 5000 samples, written to" in result.output
     session = open_session(out)
     assert session.attributes["protocol"] == "scan"
     assert [run.trajectory["frequency_hz"] for run in session.runs] == [1.0, 1.5]

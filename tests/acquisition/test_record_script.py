@@ -18,8 +18,8 @@ from click.testing import CliRunner, Result
 from fingerlab.acquisition.bench.process_bench import InlineBench
 from fingerlab.acquisition.bench.steering import LoopSettings
 from fingerlab.acquisition.control.machine import Initialise
-from fingerlab.acquisition.control.position import BenchUnits
 from fingerlab.acquisition.control.trajectories import read_trajectory
+from fingerlab.acquisition.control.units import BenchUnits
 from fingerlab.acquisition.protocols.driver import Beginning
 from fingerlab.acquisition.protocols.script import Order, read_order
 from fingerlab.acquisition.protocols.steps import plan_steps
@@ -30,8 +30,8 @@ from fingerlab.cli.record_session import Events, Told, _Writing, take
 from fingerlab.core.errors import UserError
 from fingerlab.devices.faults import fault_after
 from fingerlab.devices.simulated import SimulatedRig
-from fingerlab.rig.daq import Limits
 from fingerlab.rig.file import default_rig
+from fingerlab.rig.limits import Limits
 from fingerlab.sessions import check_session, open_session
 from fingerlab.twin.protocols import RunPlan
 from tests.acquisition.fake_device import FakeDevice

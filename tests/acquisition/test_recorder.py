@@ -395,3 +395,7 @@ def test_what_a_run_is_worth_is_told_when_it_ends(bench: Bench) -> None:
     for _ in range(4):
         bench.publish(1500, 1)
     assert bench.board.text(Text.RUN).startswith("Run 3: 6.0 s, 4 gaps with 4 samples missing; not usable")
+    bench.begin(bench.index + 1, bench.index + 1002)
+    bench.publish(500, 1)
+    bench.publish(501)
+    assert bench.board.text(Text.RUN).startswith("Run 4: 1.0 s, 1 gap with 1 sample missing; not usable")

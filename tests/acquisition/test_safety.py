@@ -7,9 +7,8 @@ from dataclasses import fields
 
 import pytest
 
-from fingerlab.acquisition.control.believing import safety_checks
 from fingerlab.acquisition.control.machine import SetUp
-from fingerlab.acquisition.control.position import BenchUnits
+from fingerlab.acquisition.control.plausibility import safety_checks
 from fingerlab.acquisition.control.safety import (
     EncoderJump,
     EncoderStuck,
@@ -21,9 +20,10 @@ from fingerlab.acquisition.control.safety import (
     Stuck,
     Watchdog,
 )
+from fingerlab.acquisition.control.units import BenchUnits
 from fingerlab.core.errors import UserError
-from fingerlab.rig.daq import Limits, limits_table
 from fingerlab.rig.file import Rig, default_rig, parse_rig
+from fingerlab.rig.limits import Limits, limits_table
 
 UNITS = BenchUnits.from_rig(default_rig())
 PRESS, ALONE = SetUp("contact", "flexion"), SetUp("motor_bench", "none")

@@ -26,7 +26,7 @@ from fingerlab.acquisition.protocols.steps import Change, Record, plan_steps
 from fingerlab.acquisition.status import Number, Slot
 from fingerlab.core.errors import UserError
 from fingerlab.devices.simulated import SimulatedRig, Simulation
-from fingerlab.rig.daq import Limits
+from fingerlab.rig.limits import Limits
 from fingerlab.sessions.trajectory import trajectory_words
 from fingerlab.twin.protocols import single_run
 from tests.acquisition import fake_device

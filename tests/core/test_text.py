@@ -15,9 +15,10 @@ from fingerlab.core.text import (
     score_text,
     screen_unit,
 )
+from fingerlab.diagnosis.answer.errors import FittedParameter
 from fingerlab.models.file import ParameterEstimate
 from fingerlab.report.diagnosis_words import in_sentence, listed
-from fingerlab.report.parameter_words import parameter_titles
+from fingerlab.report.parameter_words import cells, parameter_titles
 
 
 @pytest.mark.parametrize(
@@ -83,6 +84,18 @@ def test_parameters_of_an_effect_have_titles_that_differ() -> None:
     assert titles["stribeck_speed"] == "stribeck speed"
     assert all(t.startswith("MCP ") for n, t in titles.items() if n.endswith("_mcp"))
     assert parameter_titles("an_effect_of_my_own", ["gap_deg"]) == {"gap_deg": "gap"}
+
+
+def test_a_bound_that_no_fit_could_meet_is_not_told() -> None:
+    def told(value: float, half: float, low: float, high: float) -> str:
+        found = ParameterEstimate(value, "N m", value - half, value + half)
+        return cells(FittedParameter("bench_offset", "", found, low, high, "", 0.0, True, False), ())[3]
+
+    assert told(0.02, 0.002, -0.05, 0.05) == "−50 to 50"
+    assert told(0.02, 0.002, -11.5, 11.5) == "−11\u202f500 to 11\u202f500"
+    assert told(0.02, 0.002, 0.0, 1e4) == "from 0"
+    assert told(0.02, 0.002, -100.0, 100.0) == "none"
+    assert told(0.02, 0.002, -100.0, 0.05) == "up to 50"
 
 
 def test_powers_of_ten_are_written_out() -> None:

@@ -14,7 +14,8 @@ from fingerlab.core.errors import UserError
 from fingerlab.devices.choosing import DeviceChoice, choose_device, detect, opening_sentence
 from fingerlab.devices.faults import Faults
 from fingerlab.devices.ni.card import NiCard
-from fingerlab.devices.protocol import Replay, VirtualClock
+from fingerlab.devices.protocol import VirtualClock
+from fingerlab.devices.replay import Replay
 from fingerlab.devices.simulated import SimulatedRig, Simulation
 from fingerlab.rig.file import Rig, parse_rig
 

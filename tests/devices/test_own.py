@@ -12,12 +12,12 @@ from click.testing import CliRunner, Result
 import fingerlab.acquisition.bench.process_bench
 from fingerlab.acquisition.bench.process_bench import InlineBench, ProcessBench
 from fingerlab.acquisition.bench.steering import LoopSettings
-from fingerlab.acquisition.control.position import BenchUnits
+from fingerlab.acquisition.control.units import BenchUnits
 from fingerlab.cli.main import cli
 from fingerlab.core.errors import UserError
 from fingerlab.devices.choosing import OWN, choose_device, confirm, confirmed_files, device_file
-from fingerlab.rig.daq import Limits
 from fingerlab.rig.file import default_rig
+from fingerlab.rig.limits import Limits
 from fingerlab.sessions import open_session
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "docs" / "own_device_example.py"

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from fingerlab.core.errors import UserError
-from fingerlab.devices.protocol import RAW_CHANNELS, Device, DeviceFault, DeviceLost, Replay
+from fingerlab.devices.protocol import RAW_CHANNELS, Device, DeviceFault, DeviceLost
+from fingerlab.devices.replay import Replay
 from fingerlab.sessions import open_session
 
 

@@ -167,7 +167,7 @@ def test_a_known_load_rests_on_its_support_until_the_motor_lifts_it() -> None:
         assert (turned > math.radians(5.0)) is moves
     rig.set_enable(False)
     fallen = [rig.exchange(0.0).raw[4] * turn for _ in range(3000)]
-    assert min(fallen) < -math.radians(20.0)
+    assert min(fallen) < -math.radians(10.0)  # a thread that hung loose would let it run on
     assert max(map(abs, fallen)) < 2.5 * turned
 
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from fingerlab.diagnosis import diagnose
-from fingerlab.diagnosis.gram.runs import sums_of_difference
+from fingerlab.diagnosis.gram.run_sums import sums_of_difference
 from fingerlab.diagnosis.signals.conditions import changed_pairs, with_changes_told
 from fingerlab.report.diagnosis_words import next_experiment_sentence, paired_sentence
 from fingerlab.rig.file import Intervention

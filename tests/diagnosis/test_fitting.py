@@ -11,9 +11,9 @@ from scipy.optimize import lsq_linear
 from scipy.signal import firwin, freqz
 
 from fingerlab.diagnosis.answer.wording import deviations
-from fingerlab.diagnosis.fit import solver
-from fingerlab.diagnosis.fit.solver import Fitter, bounded_step
-from fingerlab.diagnosis.fit.weights import Data
+from fingerlab.diagnosis.fit.bounded_step import bounded_step
+from fingerlab.diagnosis.fit.data import Data
+from fingerlab.diagnosis.fit.solver import Fitter
 from fingerlab.diagnosis.gram.reduction import reduce_sessions
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.score.scorer import Scorer
@@ -193,7 +193,7 @@ def test_all_bounds_at_once_give_the_same_step_as_one_after_the_other(
         )  # fmt: skip
         quick = bounded_step(*problem)
         with monkeypatch.context() as patch:
-            patch.setattr(solver, "_pivoted", lambda *_: None)
+            patch.setattr("fingerlab.diagnosis.fit.bounded_step._pivoted", lambda *_: None)
             slow = bounded_step(*problem)
         assert quick == pytest.approx(slow, abs=1e-5)
 

@@ -38,12 +38,11 @@ def session() -> Session:
 
 
 @pytest.fixture(scope="module")
-def kept(session: Session) -> Reduction:
+def left(session: Session) -> tuple[Reduction, Diagnosis]:
     """What is left of a diagnosis of the nominal model, and of other effects that were added and undone."""
     kept = Reduction([session])
-    for added in ((), ("joint_stop",), GIVEN):
-        diagnose([session], added, kept=kept)
-    return kept
+    *_, last = [diagnose([session], added, kept=kept) for added in ((), ("joint_stop",), GIVEN)]
+    return kept, last
 
 
 @pytest.fixture(scope="module")
@@ -54,10 +53,14 @@ def fresh(session: Session) -> Callable[[Sequence[str]], str]:
 
 @pytest.mark.parametrize("added", [(), GIVEN[:1], GIVEN])
 def test_an_added_effect_is_judged_as_by_a_fresh_diagnosis(
-    session: Session, kept: Reduction, fresh: Callable[[Sequence[str]], str], added: Sequence[str]
+    session: Session,
+    left: tuple[Reduction, Diagnosis],
+    fresh: Callable[[Sequence[str]], str],
+    added: Sequence[str],
 ) -> None:
     looks: list[FirstLook] = []
-    found = diagnose([session], added, kept=kept, first=looks.append)
+    kept, before = left
+    found = diagnose([session], added, kept=kept, first=looks.append, before=before)
     assert told(found) == fresh(added)
     assert {look.model for look in looks} == ({tuple(added)} if added else set())
     for look in looks[-1:]:
@@ -117,15 +120,15 @@ def test_a_pass_that_was_stopped_leaves_nothing(
     assert told(diagnose([session], GIVEN[:1], kept=kept)) == fresh(GIVEN[:1])
 
 
-def test_another_catalogue_begins_anew(session: Session, kept: Reduction) -> None:
+def test_another_catalogue_begins_anew(session: Session, left: tuple[Reduction, Diagnosis]) -> None:
     without = {"left_out": ["coulomb_friction"]}
-    assert told(diagnose([session], kept=kept, **without)) == told(diagnose([session], **without))
+    assert told(diagnose([session], kept=left[0], **without)) == told(diagnose([session], **without))
 
 
 def test_what_has_no_room_is_read_again(
     session: Session, fresh: Callable[[Sequence[str]], str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("fingerlab.diagnosis.gram.runs.MOST_BYTES", 0)
+    monkeypatch.setattr("fingerlab.diagnosis.gram.decimation.MOST_BYTES", 0)
     kept = Reduction([session])
     diagnose([session], kept=kept)
     found = diagnose([session], GIVEN[:1], kept=kept)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from fingerlab.diagnosis.equations.model import Choice, Model, Unknown
-from fingerlab.diagnosis.fit.solver import surprise
+from fingerlab.diagnosis.fit.priors import surprise
 from fingerlab.effects import CATALOGUE
 from fingerlab.physics.parameter import Parameter
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
+from fingerlab.diagnosis.fit.data import Weighted
 from fingerlab.diagnosis.fit.solver import LeftOut
-from fingerlab.diagnosis.fit.weights import Weighted
 from fingerlab.diagnosis.score.scorer import allowance
 from fingerlab.sessions.model import Array
 

@@ -31,8 +31,8 @@ from fingerlab.diagnosis.experiment.separation import (
     separation,
     values_in,
 )
+from fingerlab.diagnosis.gram.decimation import decimated_columns
 from fingerlab.diagnosis.gram.reduction import reduce_sessions
-from fingerlab.diagnosis.gram.runs import decimated_columns
 from fingerlab.diagnosis.score.evidence import Evidence
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.score.scorer import Scorer

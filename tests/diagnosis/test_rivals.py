@@ -48,10 +48,22 @@ def test_nothing_is_not_missing_where_a_third_of_a_floor_is_left(score: float) -
     for added in ((), ("coulomb_friction",)):
         evidence = replace(judged(1.1), base=at_score(score, *added))
         assert evidence.verdict == "nothing_missing"
-        after = doubted(evidence)
+        after = doubted(evidence, evidence.base)
         assert after.verdict == "not_in_catalogue"
         assert after.nothing + after.unknown == pytest.approx(evidence.nothing + evidence.unknown)
-    assert doubted(judged(1.1)).verdict == "nothing_missing"
+    plain = judged(1.1)
+    assert doubted(plain, plain.base).verdict == "nothing_missing"
+
+
+@pytest.mark.parametrize(
+    ("left", "verdict"), [(1.5, "missing_effect"), (2.5, "missing_effect"), (4.0, "not_in_catalogue")]
+)
+def test_no_effect_is_missing_where_a_path_leaves_a_tenth_of_ten_floors(left: float, verdict: str) -> None:
+    """Squared, 2.5 floors are a sixteenth of ten, and 4.0 a sixth."""
+    best = at_score(left, "backlash")
+    evidence = judge(at_score(10.0), [best, at_score(10.0, "viscous_friction")])
+    assert evidence.verdict == "missing_effect"
+    assert doubted(evidence, best).verdict == verdict
 
 
 def test_an_exchange_is_told_with_its_figures() -> None:

@@ -7,8 +7,8 @@ import pytest
 from scipy.optimize import minimize
 
 from fingerlab.diagnosis.equations.model import Choice, build
+from fingerlab.diagnosis.fit.data import Weighted, own_to_a_run
 from fingerlab.diagnosis.fit.solver import Fitter
-from fingerlab.diagnosis.fit.weights import Weighted, own_to_a_run
 from fingerlab.diagnosis.gram.reduction import reduce_sessions
 from fingerlab.diagnosis.gram.sums import Reduced
 from fingerlab.diagnosis.score.scorer import Scorer, explained

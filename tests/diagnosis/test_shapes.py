@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -56,6 +58,8 @@ def test_the_loops_are_measured_and_modelled_over_their_places(time: Array) -> N
     over = tension_loop(one)
     assert over is not None
     np.testing.assert_array_equal(over.curves["measured"][0], 2.0 + angle)
+    alone = {name: values for name, values in one.coordinates.items() if not name.startswith("joint")}
+    assert tension_loop(replace(one, coordinates=alone)) is None  # of a motor it is the torque over itself
 
 
 def test_a_line_comes_again_after_its_period_and_noise_does_not(time: Array) -> None:

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from fingerlab.diagnosis.fit.noise import _factor, _limited
-from fingerlab.diagnosis.gram.runs import counted, taut_moments
+from fingerlab.diagnosis.gram.decimation import counted, taut_moments
 from fingerlab.diagnosis.settings import MOST_NOISE, RIDGE, SLACK_TENSION_N
 from fingerlab.physics.motion import Motion
 from tests.effects.moving import MOTOR, moving

@@ -7,8 +7,8 @@ import pytest
 
 from fingerlab.diagnosis.equations.columns import layout_of
 from fingerlab.diagnosis.equations.features import Pick
+from fingerlab.diagnosis.gram.decimation import decimated_columns
 from fingerlab.diagnosis.gram.reduction import reduce_sessions
-from fingerlab.diagnosis.gram.runs import decimated_columns
 from fingerlab.diagnosis.gram.sums import Sums, empty, total
 from fingerlab.diagnosis.signals.segments import segments_of
 from fingerlab.effects import CATALOGUE

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fingerlab.diagnosis.fit.weights import change
+from fingerlab.diagnosis.fit.data import change
 
 KEY = ("flexion", "free")
 

@@ -47,6 +47,7 @@ RUN_ELSEWHERE = {
         *("tests/diagnosis/metamorphic/test_metamorphic.py", "shuffled(resized(axis"),
     ),
     "python -m tests.faults.crafted": ("tests/faults/test_crafted.py", '"-m", "tests.faults.crafted"'),
+    "python -m tests.faults.saving": ("tests/models/test_project.py", "kill_saving(place, chance)"),
     "python -m tests.faults.sensors": ("tests/faults/test_sensors.py", "try_once(lie, seed)"),
     "python -m tests.hidden.axis": ("tests/hidden/test_axis.py", "baselines(open_session(path))"),
     "python -m tests.hidden.dirt": ("tests/hidden/test_dirt.py", "dirt.WAYS[way](machine)"),

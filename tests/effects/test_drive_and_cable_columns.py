@@ -9,8 +9,8 @@ import pytest
 
 from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import Row, Term
-from fingerlab.effects.joints import LATE, as_effects_see_it, driven_tension
 from fingerlab.effects.sensor_drift import STEADY_S
+from fingerlab.effects.transmission import LATE, as_effects_see_it, driven_tension
 from fingerlab.physics import nominal
 from fingerlab.physics.nominal import JointMotion
 from tests.physics.test_friction_states import looped_stop
@@ -163,6 +163,20 @@ def test_a_cable_that_sticks_in_its_sheath_keeps_its_friction_while_the_tension_
     way = np.degrees(position)
     assert lost[way < 0.23] == pytest.approx(5.0 * way[way < 0.23] / 0.3, abs=1e-9)
     assert lost[(way > 0.25) & (time < 1.0)] == pytest.approx(4.0)
+
+
+def test_a_stretch_that_lags_lags_behind_what_the_sheath_takes_of_the_tension() -> None:
+    """A pull that sets in at once, through a first-order lag: 1 - exp(-t / 20 ms) of it in the stretch."""
+    time = np.arange(500) / 250.0
+    torque = RADIUS * np.where(time < 1.0, 2.0, 5.0)
+    motion = moving(seconds=2.0, position=time, velocity=1.0 + 0 * time, acceleration=0 * time, torque=torque)
+    shape = {"travel_deg": 0.1, "stretch_behind": 1.0, "stretch_lag": 0.02}
+    terms = CATALOGUE["capstan_friction"].columns(motion, shape)
+    taken = column(terms, Row.PIP)
+    assert taken[time > 0.5] == pytest.approx(torque[time > 0.5] / RADIUS)
+    since = time[time >= 1.0] - 1.0 + 0.004  # the sample of the step is the first that sees it
+    stretching = column(terms, Row.CABLE)[time >= 1.0]
+    assert stretching == pytest.approx(5.0 - 3.0 * np.exp(-since / 0.02), rel=1e-3)
 
 
 def test_play_follows_the_last_reversal() -> None:

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from fingerlab.effects.base import Effect, Formula, Row, Shape, Term
 from fingerlab.effects.base import Example
-from fingerlab.effects.joints import drive_terms
+from fingerlab.effects.transmission import drive_terms
 from fingerlab.physics.motion import Motion
 from fingerlab.physics.parameter import Parameter
 

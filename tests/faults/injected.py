@@ -30,8 +30,8 @@ from fingerlab.devices.faults import ChargePump, Faults, LineFault
 from fingerlab.devices.ni.card import NiCard
 from fingerlab.devices.protocol import VirtualClock
 from fingerlab.devices.simulated import SimulatedRig, simulated_rig_file
-from fingerlab.rig.daq import Limits
 from fingerlab.rig.file import default_rig
+from fingerlab.rig.limits import Limits
 from fingerlab.sessions import check_session, open_session
 from fingerlab.sessions.recording_files import PART_SUFFIX, RESERVE_BYTES, PartWriter
 from fingerlab.twin.protocols import load_preset

@@ -20,7 +20,7 @@ from fingerlab.acquisition.bench.loop import STOOD_STILL
 from fingerlab.acquisition.bench.process_bench import ProcessBench
 from fingerlab.acquisition.bench.steering import LoopSettings
 from fingerlab.acquisition.control.machine import Enable, Initialise
-from fingerlab.acquisition.control.position import BenchUnits
+from fingerlab.acquisition.control.units import BenchUnits
 from fingerlab.acquisition.status import SharedStatus, Slot
 from fingerlab.core.errors import UserError
 from fingerlab.rig.file import default_rig

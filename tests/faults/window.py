@@ -16,12 +16,12 @@ from pathlib import Path
 from fingerlab.acquisition.bench.process_bench import ProcessBench
 from fingerlab.acquisition.bench.steering import LoopSettings
 from fingerlab.acquisition.control.machine import Enable, Initialise, SetUp, Start
-from fingerlab.acquisition.control.position import BenchUnits
+from fingerlab.acquisition.control.units import BenchUnits
 from fingerlab.acquisition.recording import RunInfo, SessionInfo
 from fingerlab.core.errors import UserError
 from fingerlab.devices.choosing import choose_device
-from fingerlab.rig.daq import Limits
 from fingerlab.rig.file import default_rig
+from fingerlab.rig.limits import Limits
 from tests.faults.shared_device import SharedChoice
 
 SINE = {"kind": "sine", "amplitude_deg": 15.0, "frequency_hz": 1.0, "offset_deg": 22.0, "ramp_s": 0.5}

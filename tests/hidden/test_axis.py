@@ -94,13 +94,17 @@ def test_the_brushless_motor_cogs_seventy_two_times_a_turn(shared_data: Path) ->
         speed = np.gradient(run.channel("motor_position")) * run.sample_rate_hz
         assert float(np.mean(speed)) == pytest.approx(4.55, rel=0.02)
         assert float(np.std(speed)) == pytest.approx(3.45, rel=0.05)  # the makers: 3.30 rad/s
-    result = diagnosed(shared_data / "real-cogging.h5")
+    result = diagnose([open_session(shared_data / "real-cogging.h5")])
     assert result.set[0] == "torque_ripple"
     assert result.path[-1].added == "torque_ripple"
     assert result.path[-1].score < 1.2
     ripple = result.candidates[0].parameters
     assert ripple["order"].value == pytest.approx(72.0, abs=0.25)
     assert np.hypot(ripple["sine"].value, ripple["cosine"].value) == pytest.approx(4.47e-3, rel=0.2)
+    # Drawn over one of the 72 periods of a turn: over all turns of the run its mean would be nothing.
+    drawn = result.candidates[0].fingerprint
+    assert np.degrees(np.ptp(drawn.centre)) == pytest.approx(5.0 * 14 / 15, rel=0.02)
+    assert np.ptp(drawn.mean) > 2e-3
 
 
 def verdict_on(machine: Session) -> Diagnosis:

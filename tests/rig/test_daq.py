@@ -7,17 +7,9 @@ import math
 import pytest
 
 from fingerlab.core.errors import UserError
-from fingerlab.rig.daq import (
-    BENCH_LIMITS,
-    AnalogInput,
-    Daq,
-    Encoder,
-    Limits,
-    encoder_wires,
-    plain_section,
-    second_terminal,
-)
+from fingerlab.rig.daq import AnalogInput, Daq, Encoder, encoder_wires, plain_section, second_terminal
 from fingerlab.rig.file import Motor, Rig, default_rig, parse_rig
+from fingerlab.rig.limits import BENCH_LIMITS, Limits
 
 
 def test_the_default_rig_file_states_every_default_and_where_it_comes_from():

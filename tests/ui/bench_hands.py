@@ -13,7 +13,7 @@ from pytestqt.qtbot import QtBot
 from fingerlab.acquisition.bench.process_bench import InlineBench
 from fingerlab.acquisition.bench.steering import LoopSettings
 from fingerlab.acquisition.control.machine import Mode
-from fingerlab.acquisition.control.position import BenchUnits
+from fingerlab.acquisition.control.units import BenchUnits
 from fingerlab.devices.faults import Faults
 from fingerlab.devices.simulated import SimulatedRig, Simulation
 from fingerlab.ui.acquire.acquire_tab import AcquireTab

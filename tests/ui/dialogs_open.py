@@ -25,9 +25,9 @@ from fingerlab.ui.acquire.connect_page import ConnectPage
 from fingerlab.ui.acquire.recording_control import DetailsDialog
 from fingerlab.ui.app.window import MainWindow, ask_to_run
 from fingerlab.ui.calibrate.calibrate_tab import ask_to_leave
+from fingerlab.ui.lab.model_dialogs import NotesDialog, TriedDialog
 from fingerlab.ui.lab.own_effects import OwnEffects
 from fingerlab.ui.lab.own_effects import ask_to_leave as ask_to_leave_text
-from fingerlab.ui.lab.side_by_side import NotesDialog, TriedDialog
 from fingerlab.ui.sessions.import_dialog import ImportDialog
 from fingerlab.ui.widgets.plot_figure import paper_of
 
@@ -325,25 +325,25 @@ DIALOGS = (
     Surface(
         "Notes",
         (lambda s: NotesDialog(s.tab("model_lab").pages, "Clamped anew.", "day.project.json").open(),),
-        ("lab/side_by_side.py:NotesDialog",),
+        ("lab/model_dialogs.py:NotesDialog",),
         "model_lab",
     ),
     Surface(
         "Models tried",
         (lambda s: TriedDialog(s.tab("model_lab").pages, [TriedModel((), 12.4)], ((), ())).open(),),
-        ("lab/side_by_side.py:TriedDialog",),
+        ("lab/model_dialogs.py:TriedDialog",),
         "model_lab",
     ),
     Surface(
         "What the error is made of",
         (lambda s: s.tab("model_lab").view.show_score_parts(),),
-        ("lab/side_by_side.py:ScorePartsDialog",),
+        ("lab/model_dialogs.py:ScorePartsDialog",),
         "model_lab",
     ),
     Surface(
         "Models side by side",
         (lambda s: s.tab("model_lab").view.show_side_by_side(),),
-        ("lab/side_by_side.py:SideBySideDialog",),
+        ("lab/model_dialogs.py:SideBySideDialog",),
         "model_lab",
     ),
     Surface(

@@ -139,7 +139,9 @@ class AcquireTab(Tab):
             initialise=self._initialise,
             tare=lambda: ask("Resetting the load cell", Tare()),
             enable=self._toggle_enable,
-            release=lambda: ask("Releasing the stop", Release()),
+            release=lambda: ask(
+                "Releasing the stop", Release(), done=lambda: self.context.say("Stop released")
+            ),
             reset=lambda: ask("Resetting the fault", Reset()),
             start=self._start,
             finish=lambda: ask("Coming to rest", Finish()),

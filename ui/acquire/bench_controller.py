@@ -100,6 +100,8 @@ class BenchController(QObject):
         """Open a bench; the one that is open is closed first."""
         before, self.bench = self.bench, None
         self._let_go()
+        if before is not None:
+            self.context.hush()  # it told of the bench that is let go
 
         def work() -> OpenBench:
             if before is not None:

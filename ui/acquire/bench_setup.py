@@ -110,7 +110,7 @@ def open_bench(wanted: BenchRequest, make: MakeBench = in_processes) -> OpenBenc
     from fingerlab.acquisition.bench.steering import LoopSettings
     from fingerlab.acquisition.check_rig.look import check_settings
     from fingerlab.acquisition.check_rig.walk import bench_key, checks_folder, last_check
-    from fingerlab.acquisition.control.position import BenchUnits
+    from fingerlab.acquisition.control.units import BenchUnits
     from fingerlab.calibration.store import default_folder, rig_and_attributes
     from fingerlab.devices.choosing import CARD, OWN, REPLAY, choose_device
     from fingerlab.devices.faults import fault_after

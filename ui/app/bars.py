@@ -210,6 +210,7 @@ class TaskBar(QWidget):
         self.progress = described(QProgressBar(), "progress", accessible="Progress")
         self.progress.setRange(0, PROGRESS_STEPS)
         self.progress.setFixedWidth(200)
+        self.progress.setFormat("%p %")
         self.cancel = QPushButton("Cancel")
         self.cancel.setObjectName("cancel")
         self.cancel.setShortcut("Ctrl+.")

@@ -210,8 +210,8 @@ class LivePlot(_Plot):
         super().__init__("calibrationLive", "Reading in volts over the last minute")
         self.setToolTip("U, V: the sensor's reading over the last minute. Tinted: the captured stretches.")
         plot = self.getPlotItem()
-        plot.setLabel("left", "reading (V)")
-        plot.setLabel("bottom", "time from now (s)")
+        plot.setLabel("left", "Reading (V)")
+        plot.setLabel("bottom", "Time from now (s)")
         self._curve = pg.PlotCurveItem(connect="finite")
         self._range = (0.0, 0.0)
         plot.addItem(self._curve)
@@ -297,8 +297,8 @@ class FitPlot(_OutcomePlot):
         _add_points(
             plot, outcome, volts, factor * np.array(calibration.known), colours.measured, self.pen("measured")
         )
-        plot.setLabel("left", f"known value ({unit})")
-        plot.setLabel("bottom", "reading (V)")
+        plot.setLabel("left", f"Known value ({unit})")
+        plot.setLabel("bottom", "Reading (V)")
         plot.getViewBox().autoRange(padding=0.06)
 
 
@@ -332,8 +332,8 @@ class ResidualPlot(_OutcomePlot):
             rings = {"symbol": "o", "symbolSize": 20, "symbolBrush": None}
             pen = self.pen("fault", 2)
             plot.plot(known[doubtful], residuals[doubtful], pen=None, symbolPen=pen, **rings)
-        plot.setLabel("left", f"off the line ({unit})")
-        plot.setLabel("bottom", f"known value ({known_unit})")
+        plot.setLabel("left", f"Off the line ({unit})")
+        plot.setLabel("bottom", f"Known value ({known_unit})")
         # What the data sheet allows may be a hundred times wider; the shape of the residuals must be seen.
         largest = float(np.abs(residuals).max()) or limit
         far = 1.2 * max(largest, min(limit, 1.5 * largest))

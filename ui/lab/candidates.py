@@ -34,6 +34,7 @@ from ..widgets.layout import FLUSH, Spacer, described, hbox, vbox
 from ..widgets.tables import WholeLabel, copies, with_tabs
 from ..widgets.theme import Colours, colours_of, large_font, small_font, tint
 from .result_words import (
+    EXCHANGE_MARK,
     NOTHING,
     OUTCOME_TITLES,
     UNKNOWN,
@@ -188,7 +189,7 @@ class CandidateDelegate(QStyledItemDelegate):
     ) -> None:
         metrics = QFontMetrics(option.font)
         middle = Qt.AlignmentFlag.AlignVCenter
-        mark_width = metrics.horizontalAdvance(SET_MARK) + GAP // 2
+        mark_width = max(map(metrics.horizontalAdvance, (SET_MARK, EXCHANGE_MARK))) + GAP // 2
         bar_width = int(room.width() * BAR_SHARE)
         number_width = metrics.horizontalAdvance("> 99 %")
         # Where room is short the title has it: the error is in the tooltip, and foretold by the bar below.
@@ -198,8 +199,8 @@ class CandidateDelegate(QStyledItemDelegate):
         font = QFont(option.font)
         painter.setFont(font)
         painter.setPen(QColor(colours.text if row.detectable else colours.muted))
-        if row.in_set:
-            painter.drawText(QRect(room.left(), room.top(), mark_width, room.height()), middle, SET_MARK)
+        mark = EXCHANGE_MARK if row.replaces else SET_MARK if row.in_set else ""
+        painter.drawText(QRect(room.left(), room.top(), mark_width, room.height()), middle, mark)
         title = QRect(room.left() + mark_width, room.top(), text_width, room.height())
         painter.drawText(
             title, middle, metrics.elidedText(row.title, Qt.TextElideMode.ElideRight, text_width)

@@ -73,7 +73,7 @@ class ComparisonPlot(pg.GraphicsLayoutWidget):
         self._failure: Failure | None = None
         self.setAcceptDrops(False)  # a file dropped here is for the window
         self.setAccessibleName("Measured and modelled against time, and the residual")
-        self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
+        self.setFocusPolicy(Qt.FocusPolicy.WheelFocus)
         self.ci.setContentsMargins(0, 4, 8, 0)
         self.ci.setSpacing(4)
         boxes = LookBox(), LookBox()

@@ -117,10 +117,12 @@ of an instrument's own, which tells the error of the model while the rest is wor
 
 
 class SessionDiagnosis:
-    """The instrument's diagnosis. What it read of the open sessions is kept until others are diagnosed."""
+    """The instrument's diagnosis. What it read of the open sessions, and its last answer on them, are kept
+    until others are diagnosed."""
 
     def __init__(self) -> None:
         self._kept: Reduction | None = None
+        self._last: Diagnosis | None = None
 
     def __call__(
         self,
@@ -135,7 +137,10 @@ class SessionDiagnosis:
         from fingerlab.diagnosis import diagnose
 
         kept = self._reduction(sessions)
-        return diagnose(sessions, added, progress, cancelled, kept=kept, held=dict(held), first=first)
+        self._last = diagnose(
+            sessions, added, progress, cancelled, kept=kept, held=dict(held), first=first, before=self._last
+        )
+        return self._last
 
     def at_hand(
         self, sessions: Sequence[Session], diagnosis: Diagnosis, progress: Progress, cancelled: IsCancelled
@@ -150,7 +155,7 @@ class SessionDiagnosis:
         from fingerlab.diagnosis.gram.reduction import Reduction
 
         if self._kept is None or not self._kept.is_of(sessions):
-            self._kept = None  # let go before the next is filled
+            self._kept = self._last = None  # let go before the next is filled
             self._kept = Reduction(sessions)
         return self._kept
 

@@ -24,14 +24,14 @@ from .controller import LabController, ModelStep
 from .error_path import PathPanel
 from .evidence import EvidencePanel
 from .lab_frame import BetterModelBanner, StepsColumn
+from .model_dialogs import ScorePartsDialog
 from .parameters import ParametersPanel
 from .result_words import NOTHING, UNKNOWN, best_choice, equation_text, find_candidate, step_results
-from .side_by_side import ScorePartsDialog
 from .truth import TruthPanel
 from .where import WherePanel
 
 if TYPE_CHECKING:
-    from .side_by_side import SideBySideDialog
+    from .model_dialogs import SideBySideDialog
 
 STEPS_WIDTH = 152
 
@@ -210,7 +210,7 @@ class LabView(QWidget):
 
     def show_side_by_side(self) -> None:
         """Two of the models that were fitted to these sessions, in a window of their own."""
-        from .side_by_side import SideBySideDialog
+        from .model_dialogs import SideBySideDialog
 
         history = self.controller.history
         if history is None:

@@ -152,7 +152,10 @@ class ModelLabTab(Tab):
                 self._proposed,
             ),
             Command(
-                "&Predict the force with this model", lambda: self.view.truth.predict.click(), None, compared
+                "&Predict the force with this model",
+                lambda: self.view.truth.predict.click(),
+                None,
+                lambda: self._compared() and self.view.truth.predict.isEnabled(),
             ),
             Command("Save &model…", self.actions.ask_and_save, "Ctrl+Shift+M", compared),
             Command("&Open a saved model…", self.open_model, None, lambda: bool(self.controller.sessions)),
@@ -184,7 +187,7 @@ class ModelLabTab(Tab):
 
     def show_tried(self) -> None:
         """Every model that was tried on these sessions; one can be shown again."""
-        from .side_by_side import TriedDialog
+        from .model_dialogs import TriedDialog
 
         project, history = self.controller.project, self.controller.history
         if project is not None and history is not None:
@@ -194,7 +197,7 @@ class ModelLabTab(Tab):
 
     def show_notes(self) -> None:
         """Notes that are kept with the project."""
-        from .side_by_side import NotesDialog
+        from .model_dialogs import NotesDialog
 
         controller = self.controller
         if controller.project is None:

@@ -173,8 +173,9 @@ def set_words(diagnosis: Diagnosis) -> str:
 
     And that the floor is no bench's own, where it is none.
     """
-    floor = "" if diagnosis.repeats else " No motion repeats: the floor is what the best model leaves."
-    return " ".join(filter(None, (_set_words(diagnosis) + floor, held_sentence(diagnosis))))
+    floor = "" if diagnosis.repeats else " No motion repeats: the floor is a bound."
+    said = _set_words(diagnosis) + floor, held_sentence(diagnosis), _exchange_note(diagnosis)
+    return " ".join(filter(None, said))
 
 
 def bench_words(diagnosis: Diagnosis) -> tuple[str, str]:
@@ -197,8 +198,20 @@ def _set_words(diagnosis: Diagnosis) -> str:
     if diagnosis.better is not None and len(titles) < 2:
         return f"That the model is right as it is: {percent(diagnosis.probability_nothing)}."
     if len(titles) < 2:
+        if diagnosis.verdict == UNKNOWN:
+            return f"None of the {len(diagnosis.candidates)} effects tried explains it."
         return "Told apart from every other effect." if titles else "No effect is called for."
     return f"Cannot be told apart here: {listed(titles)}."
+
+
+def _exchange_note(diagnosis: Diagnosis) -> str:
+    """What the mark in the list says; empty where no effect of the model has a rival."""
+    rivals = any(one.replaces for one in diagnosis.candidates)
+    return f"{EXCHANGE_MARK}: in place of an effect of the model." if rivals else ""
+
+
+EXCHANGE_MARK = "⇄"
+"""Of an effect that would take the place of one of the model's."""
 
 
 def set_help(diagnosis: Diagnosis) -> str:
@@ -304,5 +317,8 @@ def sessions_text(sessions: tuple[Session, ...]) -> str:
         for run in session.runs:
             counts[run.phase] = counts.get(run.phase, 0) + 1
     total = sum(counts.values())
-    phases = ", ".join(f"{count} {PHASE_WORDS.get(phase, phase)}" for phase, count in counts.items())
-    return f"{names} · {total} run{'s' if total != 1 else ''}: {phases}" if total else f"{names} · no runs"
+    told = {PHASE_WORDS.get(phase, phase): count for phase, count in counts.items()}
+    phases = ", ".join(f"{count} {words}" if len(told) > 1 else words for words, count in told.items())
+    if not total:
+        return f"{names} · no runs"
+    return f"{names} · {total} run{'s' if total != 1 else ''}: {phases}"

@@ -18,6 +18,7 @@ from fingerlab.report.diagnosis_words import (
     axis_title,
     bin_words,
     coordinate_unit,
+    in_sentence,
     miss_words,
     residual_unit,
     worst_words,
@@ -55,7 +56,7 @@ class WherePlot(QuietPlot):
         super().__init__("wherePlot", "Residual over a coordinate", parent)
         self.found: Profile | None = None
         self.bin = -1
-        self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
+        self.setFocusPolicy(Qt.FocusPolicy.WheelFocus)
         self.setMinimumHeight(120)
 
     def show_profile(self, found: Profile | None, bin_: int = -1) -> None:
@@ -336,7 +337,7 @@ class WherePanel(QWidget):
         self.keys.set_keys(SHAPE_KEYS.get(chosen, WHERE))
         quantity = equation_text(self._equation).quantity
         self.title.setText(
-            quantity if chosen in LOOPS else f"Residual of {quantity}" if self._profiles else ""
+            quantity if chosen in LOOPS else f"Residual of {in_sentence(quantity)}" if self._profiles else ""
         )
         if chosen in SHAPE_TITLES:
             self.words.setText(SHAPE_WORDS[chosen])

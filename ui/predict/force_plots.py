@@ -94,7 +94,7 @@ class ForcePlot(ShownPlot):
     def __init__(self, parent: QWidget | None = None) -> None:
         box = LookBox()
         super().__init__("forcePlot", "Measured and modelled endpoint force over the run", parent, box)
-        self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
+        self.setFocusPolicy(Qt.FocusPolicy.WheelFocus)
         box.whole_asked.connect(self.show_whole)
         self.pair = CursorPair((self.getPlotItem(),), self)
         self.pair.moved.connect(self._tell)
@@ -233,7 +233,9 @@ class SweepPlot(ShownPlot):
             angles = np.array([step.angle_deg for step in force.sweep])
             heights = np.array([step.peak for step in force.sweep])
             # Where the force's line comes to pass through the joint, the force has no end: the curve ends.
-            heights = np.where(heights < MOST_PEAKS * max(measured, heights[0]), heights, np.nan)
+            # Past it the force pulls; a line from push to pull would hide what lies between.
+            within = (heights > 0) & (heights < MOST_PEAKS * max(measured, heights[0]))
+            heights = np.where(np.logical_and.accumulate(within), heights, np.nan)
             bounded = bounded and bool(np.isfinite(heights).all())
             peaks += heights[np.isfinite(heights)].tolist()
             plot.addItem(plain_curve(angles, heights, one.pen(colours, 1.5 * self.devicePixelRatioF()), name))

@@ -76,6 +76,8 @@ AXIS_HELP = (
 )
 CONSTANT_HELP = "What an ampere gives at the axis, N m/A, gear included; needed where no torque was logged."
 RATE_HELP = "Needed only where no column holds the time."
+LEGEND_SHARE = 0.5
+"""Of the curves' height, that stays free above them for their names."""
 COLOURS = ("measured", "modelled", "residual", "candidate", "alike", "muted")
 
 
@@ -111,7 +113,7 @@ class ColumnTable(NumberTable):
         self._names = list(table.header or (f"column {k + 1}" for k in range(table.columns)))
         own = [c.channel for c in found if c is not None and c.channel not in CHANNEL_UNITS]
         for row, column in enumerate(found):
-            numbers = "  ".join(f"{value:g}" for value in values[:SHOWN_VALUES, row])
+            numbers = "  ".join(f"{value + 0.0:g}" for value in values[:SHOWN_VALUES, row])
             for place, text in ((0, self._names[row]), (4, numbers)):
                 self.setItem(row, place, _cell(text))
             channels = {UNUSED: "not used", **{k: TITLES.get(k, k) for k in (*CHANNEL_UNITS, *own)}}
@@ -230,7 +232,10 @@ class PreviewPlot(QuietPlot):
             curve.setZValue(1 if mine else 0)
             curve.set_series(time, values * unit.factor)
         every = np.concatenate(list(self.shown.values())) * unit.factor
-        plot.setRange(xRange=(float(time[0]), float(time[-1])), yRange=span_of(every), padding=0.0)
+        low, high = span_of(every)
+        high += LEGEND_SHARE * (high - low)
+        plot.setRange(xRange=(float(time[0]), float(time[-1])), yRange=(low, high), padding=0.0)
+        self._legend.setColumnCount(max(len(self.shown), 1))
         self._legend.setBrush(tint(colours_of(self).surface, 0.85))
         self._legend.setLabelTextColor(self.palette().text().color())
         self.setAccessibleDescription(f"{chosen} in {unit.symbol}, {len(time)} samples")

@@ -24,6 +24,7 @@ from fingerlab.library.index import SessionFacts, text_list
 from fingerlab.library.notes import FILE_NAME, HELP, Note, Verdict, matches
 from fingerlab.library.reviewing import Thumbnail
 
+from ..widgets.fields import set_usable
 from ..widgets.layout import FLUSH, described, hbox, vbox
 from ..widgets.tables import ColumnKeeper, ElidedLabel, copies, heading, remark
 from .session_table import (
@@ -211,6 +212,8 @@ DIAGNOSE_HELP = (
     "Say of every session below this folder what its model lacks, in the background; what a table beside "
     "them holds already is not done again."
 )
+TREND_HELP = "How the bench aged over the sessions of this folder, and when it changed."
+NO_SESSION = "No session file below this folder."
 
 
 class LibraryPage(QWidget):
@@ -246,11 +249,7 @@ class LibraryPage(QWidget):
         self.texts.setToolTip("Tables of text or MATLAB files become a session; or drop them on the window.")
         self.again = described(QPushButton("Read a&gain"), "readAgain", tip=AGAIN_HELP)
         self.diagnose = described(QPushButton("&Diagnose all"), "diagnoseAll", tip=DIAGNOSE_HELP)
-        self.trend = described(
-            QPushButton("Tre&nd…"),
-            "showTrend",
-            tip="How the bench aged over the sessions of this folder, and when it changed.",
-        )
+        self.trend = described(QPushButton("Tre&nd…"), "showTrend", tip=TREND_HELP)
         self.search = QLineEdit()
         self.search.setObjectName("search")
         self.search.setPlaceholderText("Search: words, phase:contact, tag:good, is:clean, after:2026-05 …")
@@ -318,7 +317,7 @@ class LibraryPage(QWidget):
 
     def show_reading(self, on: bool) -> None:
         """Whether the folder is being read, which the button then stops."""
-        self.again.setText("&Stop reading" if on else "Read a&gain")
+        self.again.setText("Stop readin&g" if on else "Read a&gain")
         self.again.setToolTip("Leave the list as it is." if on else AGAIN_HELP)
         self.show_count("Reading …" if on else "")
 
@@ -343,13 +342,17 @@ class LibraryPage(QWidget):
         text = ""
         if not reading and total == 0:
             text = (
-                "No session file below this folder. Choose the folder that holds the sessions, import text "
+                f"{NO_SESSION} Choose the folder that holds the sessions, import text "
                 "files, or record one in Acquire."
             )
         elif not reading and shown == 0:
             text = "No session fits the search. Take words away, or clear it."
         self.empty.setText(text)
         self.empty.setVisible(bool(text))
+        for button, usual in ((self.diagnose, DIAGNOSE_HELP), (self.trend, TREND_HELP)):
+            set_usable(button, bool(reading) or total > 0)
+            if not reading:
+                button.setToolTip(usual if total else NO_SESSION)
 
     def paths(self) -> list[Path]:
         """The sessions chosen, in the order shown."""

@@ -48,7 +48,7 @@ class ReviewPlots(pg.GraphicsLayoutWidget):
         self.setObjectName("reviewPlots")
         self.setAccessibleName("Channels of the run against time")
         self.setAcceptDrops(False)
-        self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
+        self.setFocusPolicy(Qt.FocusPolicy.WheelFocus)
         self.ci.setContentsMargins(0, 4, 8, 0)
         self.ci.setSpacing(4)
         self.layers: list[Layer] = []

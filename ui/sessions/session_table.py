@@ -81,12 +81,13 @@ def verdict_text(verdict: Verdict | None) -> str:
     """The verdict in two lines, or nothing where no table holds one."""
     if verdict is None:
         return ""
+    sure = "" if verdict.probability is None else percent(verdict.probability)
     if verdict.effects and not unseen_in(verdict):
-        # Several are those that the session cannot tell apart.
+        # Several are those that the session cannot tell apart: the probability is that it is one of them.
         words = " or ".join(effect_title(effect) for effect in verdict.effects)
+        sure = f"one of {len(verdict.effects)}, {sure}" if len(verdict.effects) > 1 and sure else sure
     else:
         words = verdict.verdict.replace("_", " ")
-    sure = "" if verdict.probability is None else percent(verdict.probability)
     return f"{words}\n{'outdated' if verdict.outdated else sure}"
 
 

@@ -24,7 +24,7 @@ from fingerlab.batch.table import (
     recorded_at,
     trends,
 )
-from fingerlab.core.text import ScreenUnit, largest_of, percent, screen_unit
+from fingerlab.core.text import ScreenUnit, fixed, largest_of, percent, screen_unit
 from fingerlab.report.comparison_words import (
     NOTABLE,
     cell,
@@ -39,7 +39,7 @@ from fingerlab.report.comparison_words import (
 from fingerlab.sessions.model import CHANNEL_UNITS, Array
 from fingerlab.signals.run_pairs import ChannelPair, RunPair, SessionPair
 
-from ..widgets.layout import described, vbox
+from ..widgets.layout import Spacer, described, vbox
 from ..widgets.plots import QuietPlot, plain_curve, span_of
 from ..widgets.series import Series
 from ..widgets.tables import NumberTable, WholeLabel, heading, remark
@@ -187,7 +187,7 @@ class PairsDialog(QDialog):
         pair = found.pairs[row]
         channel = self._channels[min(max(column, 0), len(self._channels) - 1)]
         names = found.first.path.name, found.second.path.name
-        lag = f"; the second was shifted by {1e3 * pair.lag:.0f} ms" if abs(pair.lag) > 5e-4 else ""
+        lag = f"; the second was shifted by {fixed(1e3 * pair.lag, 0)} ms" if abs(pair.lag) > 5e-4 else ""
         cycles = f", {pair.cycles[0]} and {pair.cycles[1]} cycles" if pair.periodic else ""
         self.title.setText(
             f"{channel_title(channel)}, runs {pair_title(pair)[0]}: {names[0]} (solid), {names[1]} (dashed)"
@@ -341,7 +341,8 @@ class TrendDialog(QDialog):
             "Steady, drifting and stepping are weighed against one another (Bayes factors), each number as "
             "one of many. Ctrl+C copies the table."
         )
-        vbox(self, self.title, self.words, (self.table, 3), (self.plot, 4), hint, close, spacing=8)
+        parts = (self.table, 3), (self.plot, 4), hint, Spacer(), close
+        vbox(self, self.title, self.words, *parts, spacing=8)
         self.hint = hint
 
     def show_contents(self, contents: Contents, folder: Path) -> None:
@@ -362,9 +363,10 @@ class TrendDialog(QDialog):
         if found:
             return "\n".join(change_sentence(one) for one in found)
         if times < LEAST_TIMES:
+            how = f"all {len(self._rows)} are of {times}" if len(self._rows) > times else f"there are {times}"
+            then = "" if len(self._rows) > times else " Diagnose all makes them."
             return (
-                f"A trend needs verdicts of {LEAST_TIMES} times, a change of {LEAST_SESSIONS}; there are "
-                f"{times}. Diagnose all makes them."
+                f"A trend needs verdicts of {LEAST_TIMES} times, a change of {LEAST_SESSIONS}; {how}.{then}"
             )
         return "No change between two sessions is likelier than none; what drifts has a slope below."
 

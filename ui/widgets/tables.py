@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-from PySide6.QtCore import QEvent, QModelIndex, QObject, QPersistentModelIndex, QSize, Qt
+from PySide6.QtCore import QEvent, QModelIndex, QObject, QPersistentModelIndex, QPointF, QSize, Qt
 from PySide6.QtGui import (
     QAction,
     QFontMetrics,
@@ -16,6 +17,8 @@ from PySide6.QtGui import (
     QPaintEvent,
     QPalette,
     QResizeEvent,
+    QTextLayout,
+    QTextOption,
 )
 from PySide6.QtWidgets import (
     QAbstractItemView,
@@ -108,6 +111,10 @@ class FittingLabel(ElidedLabel):
         return QSize(min(map(self._width, self.wordings)), super().minimumSizeHint().height())
 
 
+LINE_BREAK = "\u2028"
+"""What Qt's text layout takes for one."""
+
+
 class LinesLabel(ElidedLabel):
     """As many lines as it is made for, always as high; what has no room there ends in …"""
 
@@ -127,10 +134,30 @@ class LinesLabel(ElidedLabel):
             short, long = (middle, long) if fits else (short, middle)
         return f"{text[:short].rstrip()}…"
 
+    @property
+    def lines(self) -> list[str]:
+        """What is drawn, line by line."""
+        text, laid = self.seen, self._laid(self.seen)
+        every = [laid.lineAt(number) for number in range(laid.lineCount())]
+        return [text[line.textStart() : line.textStart() + line.textLength()] for line in every]
+
     def _height(self, text: str) -> int:
-        room = self.contentsRect()
-        wraps = Qt.TextFlag.TextWordWrap | Qt.TextFlag.TextWrapAnywhere
-        return self.fontMetrics().boundingRect(0, 0, room.width(), 1 << 16, wraps, text).height()
+        return math.ceil(self._laid(text).boundingRect().height())
+
+    def _laid(self, text: str) -> QTextLayout:
+        """The lines at this width: broken between words, within one only where it is wider than a line."""
+        layout = QTextLayout(text.replace("\n", LINE_BREAK), self.font())
+        option = QTextOption(Qt.AlignmentFlag.AlignLeft)
+        option.setWrapMode(QTextOption.WrapMode.WrapAtWordBoundaryOrAnywhere)
+        layout.setTextOption(option)
+        layout.beginLayout()
+        top = 0.0
+        while (line := layout.createLine()).isValid():
+            line.setLineWidth(self.contentsRect().width())
+            line.setPosition(QPointF(0.0, top))
+            top += line.height()
+        layout.endLayout()
+        return layout
 
     def sizeHint(self) -> QSize:
         return QSize(super().sizeHint().width(), self._lines * self.fontMetrics().lineSpacing())
@@ -141,8 +168,10 @@ class LinesLabel(ElidedLabel):
     def paintEvent(self, event: QPaintEvent) -> None:
         painter = QPainter(self)
         painter.setPen(self.palette().color(self.foregroundRole()))
-        wraps = Qt.TextFlag.TextWordWrap | Qt.TextFlag.TextWrapAnywhere
-        painter.drawText(self.contentsRect(), self.alignment() | wraps, self.seen)
+        room, laid = self.contentsRect(), self._laid(self.seen)
+        middle = self.alignment() & Qt.AlignmentFlag.AlignVCenter
+        spare = room.height() - laid.boundingRect().height() if middle else 0.0
+        laid.draw(painter, QPointF(room.left(), room.top() + max(0.0, spare) / 2.0))
 
 
 class WholeLabel(QLabel):

@@ -7,13 +7,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from fingerlab.acquisition.bench.steering import LoopSettings
-from fingerlab.acquisition.control.believing import SENSORS, window_fault
 from fingerlab.acquisition.control.machine import Initialise, MoveByHand, Tare, TryOutput
-from fingerlab.acquisition.control.position import Zeros
+from fingerlab.acquisition.control.plausibility import SENSORS, window_fault
 from fingerlab.acquisition.control.safety import Reading
+from fingerlab.acquisition.control.units import Zeros
 from fingerlab.acquisition.status import Number, SharedStatus, Slot
 from fingerlab.devices.protocol import Device, MovedByHand, OutputReadBack, cycles_per_command
-from fingerlab.rig.daq import Limits
+from fingerlab.rig.limits import Limits
 
 AVERAGE_S = 0.5
 """Duration of the mean (assumed): a finger that swings at 2 Hz passes its turning points meanwhile."""
@@ -32,6 +32,17 @@ REST_FORCE = 0.5
 
 REST_CURRENT = 0.3
 """A that the monitor may show with the amplifier off (assumed: its offset)."""
+
+
+def beyond_its_range(position: float, limits: Limits) -> str:
+    """Why a motor that stands at ``position`` (rad) is not enabled, or empty."""
+    if limits.position_low <= position <= limits.position_high:
+        return ""
+    low, high = math.degrees(limits.position_low), math.degrees(limits.position_high)
+    return (
+        f"The pulley stands at {math.degrees(position):.4g}°, beyond its limits of {low:.4g}° to "
+        f"{high:.4g}°; turn it back by hand, or initialise."
+    )
 
 
 @dataclass

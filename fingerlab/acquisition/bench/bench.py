@@ -275,7 +275,8 @@ def notices(before: Status, now: Status, rate_hz: float) -> tuple[Notice, ...]:
         told.append(Notice(Kind.RECORDER, now.recorder))
     if now.recording and now.gaps > before.gaps:
         gaps = "its first gap" if now.gaps == 1 else f"{now.gaps} gaps"
-        sentence = f"{now.dropped - before.dropped} samples lost; the run has {gaps} and goes on"
+        lost = now.dropped - before.dropped
+        sentence = f"{lost} {'sample' if lost == 1 else 'samples'} lost; the run has {gaps} and goes on"
         told.append(Notice(Kind.LOST, sentence))
     if now.recorded_runs > before.recorded_runs:
         told.append(Notice(Kind.RUN, now.verdict))

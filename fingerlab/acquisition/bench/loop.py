@@ -13,6 +13,7 @@ from collections.abc import Callable
 from fingerlab.acquisition.bench.at_rest import (
     STOPPED_MEANWHILE,
     Averaging,
+    beyond_its_range,
     move_by_hand,
     try_output,
 )
@@ -24,12 +25,6 @@ from fingerlab.acquisition.bench.steering import (
     prepare,
     unguarded,
     watchdogs,
-)
-from fingerlab.acquisition.control.believing import (
-    SENSORS,
-    safety_checks,
-    sensors_of,
-    window_fault,
 )
 from fingerlab.acquisition.control.machine import (
     AtRest,
@@ -52,8 +47,14 @@ from fingerlab.acquisition.control.machine import (
     Tare,
     Winding,
 )
-from fingerlab.acquisition.control.position import Reader
+from fingerlab.acquisition.control.plausibility import (
+    SENSORS,
+    safety_checks,
+    sensors_of,
+    window_fault,
+)
 from fingerlab.acquisition.control.safety import EncoderFault, Reading, Safety
+from fingerlab.acquisition.control.units import Reader
 from fingerlab.acquisition.ring import Publisher, Ring
 from fingerlab.acquisition.status import SharedStatus, Slot, Text
 from fingerlab.core.errors import UserError
@@ -329,6 +330,7 @@ class ControlLoop:
         if isinstance(command, Enable):
             refusal = NO_MONITOR if self.settings.units.current is None else ""
             refusal = refusal or unguarded(self.settings, self._board)
+            refusal = refusal or beyond_its_range(self._reader.reading.position, self.settings.limits)
             if refusal:
                 return refusal
             self._safety.reset()

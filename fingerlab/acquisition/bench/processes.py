@@ -127,6 +127,9 @@ def loop_main(plan: Plan, commands: Connection, recorder_lives: Connection, aliv
     try:
         loop = ControlLoop(plan.device.build(), plan.settings, ring, board, time.perf_counter)
         await_trial(board, recorder_lives)
+        gc.collect()  # takes tenths of a second: before the device counts cycles
+        gc.freeze()
+        gc.disable()
         loop.open()
     except Exception as error:
         board.set_text(Text.FAULT, _why(error))
@@ -138,9 +141,6 @@ def loop_main(plan: Plan, commands: Connection, recorder_lives: Connection, aliv
             loop.lose(sentence, farewell=sentence is WINDOW_LOST)
 
     lives = PeerWatch(os.getppid(), board, lost, (WINDOW_LOST, RECORDER_LOST))
-    gc.collect()
-    gc.freeze()
-    gc.disable()
     come_first(plan.device.real_time)
     # Only now, so that it comes first, too: set aside while it holds Python, it would hold up the loop.
     threading.Thread(target=_listen, args=(loop, lives, commands, recorder_lives), daemon=True).start()

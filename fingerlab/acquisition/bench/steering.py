@@ -14,7 +14,6 @@ from fingerlab.acquisition.control.machine import Approach, Command, Jog, SetGai
 from fingerlab.acquisition.control.motion import Reference, Settling, TorqueDrive, check_torque
 from fingerlab.acquisition.control.position import (
     GAIN_RANGES,
-    BenchUnits,
     FeedForward,
     Gains,
     PositionLoop,
@@ -23,9 +22,10 @@ from fingerlab.acquisition.control.position import (
 )
 from fingerlab.acquisition.control.safety import Reading, Watchdog
 from fingerlab.acquisition.control.trajectories import Trajectory, read_trajectory
+from fingerlab.acquisition.control.units import BenchUnits
 from fingerlab.acquisition.status import Number, SharedStatus, Slot, Text
 from fingerlab.core.errors import UserError
-from fingerlab.rig.daq import Limits
+from fingerlab.rig.limits import Limits
 
 CURRENT_MARGIN = 0.95
 """The position loop stays below the current limit, so that only a fault can reach it (assumed)."""

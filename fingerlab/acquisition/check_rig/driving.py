@@ -24,8 +24,8 @@ from fingerlab.acquisition.check_rig.look import (
 from fingerlab.acquisition.control.machine import Mode, Release, Reset
 from fingerlab.acquisition.ring import RowFlag
 from fingerlab.acquisition.status import Input, Slot
-from fingerlab.rig.daq import BENCH_LIMITS, LIMIT_UNITS
 from fingerlab.rig.file import Rig
+from fingerlab.rig.limits import BENCH_LIMITS, LIMIT_UNITS
 
 EMERGENCY_STOP, READY, DEAD_MAN = "lines/emergency_stop", "lines/amplifier_ready", "drive/dead_man"
 DEAD_MAN_TITLES = {DEAD_MAN: "No current without the dead-man's beat"}

@@ -7,10 +7,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from fingerlab.acquisition.control.position import BenchUnits, Gains
+from fingerlab.acquisition.control.position import Gains
 from fingerlab.acquisition.control.trajectories import Trajectory
+from fingerlab.acquisition.control.units import BenchUnits
 from fingerlab.core.errors import UserError
-from fingerlab.rig.daq import Limits
+from fingerlab.rig.limits import Limits
 from fingerlab.sessions.model import Array
 
 BLOCK = 256

@@ -289,7 +289,7 @@ class Watchdog:
 
 def _show(value: float, unit: str) -> str:
     if unit.startswith("rad"):
-        return f"{math.degrees(value):.4g} °{unit[3:]}"
+        return f"{math.degrees(value):.4g}{' °' if unit[3:] else '°'}{unit[3:]}"
     return f"{value:.4g} {unit}"
 
 

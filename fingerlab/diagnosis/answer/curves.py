@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
@@ -15,10 +16,10 @@ from fingerlab.diagnosis.answer.results import (
     Failure,
     Fingerprint,
 )
-from fingerlab.diagnosis.equations.columns import CABLE_NAMES
+from fingerlab.diagnosis.equations.coefficients import CABLE_NAMES
 from fingerlab.diagnosis.equations.features import FORCE, BoolArray
 from fingerlab.diagnosis.fit.noise import floor_covariance
-from fingerlab.diagnosis.gram.runs import Decimated, counted
+from fingerlab.diagnosis.gram.decimation import Decimated, counted
 from fingerlab.diagnosis.gram.sums import Group, Reduced
 from fingerlab.diagnosis.score.evidence import Evidence
 from fingerlab.diagnosis.score.fitted_model import FittedModel
@@ -27,7 +28,7 @@ from fingerlab.diagnosis.signals.conditions import GroupKey, group_key
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE, decimate
 from fingerlab.diagnosis.signals.scales import SI, Scales
 from fingerlab.effects.base import COORDINATE_UNITS, Effect, Row
-from fingerlab.effects.joints import winding_state
+from fingerlab.effects.transmission import winding_state
 from fingerlab.physics import nominal
 from fingerlab.physics.motion import Motion
 from fingerlab.sessions.model import Array, Run, Session
@@ -337,6 +338,7 @@ def _fingerprint(
     """
     row = Row.BENCH if bench else effect.equation
     places, residuals, explained = [], [], []
+    period = _period(fitted)
     for kept in stretches:
         where = _coordinate(effect, kept)
         if where is None or (effect.phases and kept.phase not in effect.phases):
@@ -353,7 +355,26 @@ def _fingerprint(
         explained.append(scale * (before - after))
     if not places:
         return None
-    return _binned(effect, row, np.concatenate(places), np.concatenate(residuals), np.concatenate(explained))
+    place = np.concatenate(places)
+    drawn = partial(
+        _binned, effect, row, residual=np.concatenate(residuals), explained=np.concatenate(explained)
+    )
+    if np.ptp(place) <= period * BINS / BINS_A_PERIOD:
+        return drawn(place)
+    within = drawn(place % period)  # bins over all of the travel would hold nothing but the wave's mean
+    return within if within is None else replace(within, coordinate=f"{effect.coordinate} within one period")
+
+
+BINS_A_PERIOD = 4
+"""Of a wave, that must be seen for its form to be (assumed)."""
+
+
+def _period(fitted: FittedModel) -> float:
+    """Of the effect added last, where it repeats with the motor angle, rad; else infinite."""
+    last = fitted.choices[-1]
+    order = last.effect.shapes[last.shape].get("order", 0.0) if last.effect.shapes else 0.0
+    repeats = order > 0 and last.effect.coordinate == "motor angle"
+    return 2.0 * np.pi / order if repeats else np.inf
 
 
 def _binned(effect: Effect, row: Row, place: Array, residual: Array, explained: Array) -> Fingerprint | None:

@@ -26,8 +26,9 @@ from fingerlab.diagnosis.answer.results import (
     ScorePart,
 )
 from fingerlab.diagnosis.answer.wording import residual_offsets
-from fingerlab.diagnosis.equations.columns import CABLE_NAMES
+from fingerlab.diagnosis.equations.coefficients import CABLE_NAMES
 from fingerlab.diagnosis.equations.features import FORCE, SHIFTS_S
+from fingerlab.diagnosis.equations.model import Choice
 from fingerlab.diagnosis.fit.noise import floor_covariance
 from fingerlab.diagnosis.fit.solver import Fit, Fitter
 from fingerlab.diagnosis.gram.reduction import Reduction
@@ -318,8 +319,7 @@ class ParametersAtHand:
             effects = at_found_shapes(base)
             self._scorer = Scorer(reduction.of(effects, watch, self._display.keep))
         layout = self._scorer.reduced.layout
-        choices = [replace(c, effect=e, shape=0) for c, e in zip(base.choices, effects, strict=True)]
-        self.model = self._scorer.model(choices, base.model.tip_law)
+        self.model = self._scorer.model([Choice(effect) for effect in effects], base.model.tip_law)
         self._weights, self._size = base.weights, layout.scales.of
         self._start = np.array([base.values[u.key] for u in self.model.unknowns])
         self.parameters = self._listed(diagnosis, reduction)
@@ -372,7 +372,7 @@ class ParametersAtHand:
         size = len(values)
         fitted = FittedModel(self.model, Fit(values, np.eye(size), 0.0), self._weights)
         with threadpool_limits(limits=1, user_api="blas"):
-            scorer = self._scorer.fresh()  # else every place of a slider would be kept
+            scorer = self._scorer.in_floors()  # a fresh one: else every place of a slider would be kept
             scored = scorer.score_in_sample(fitted, residuals=True)
             errors = equation_errors(scorer.reduced, scored)
             offsets = residual_offsets(scorer.run_offsets(fitted), self._runs)

@@ -286,7 +286,7 @@ class Diagnosis:
 
     ``parameters`` are those of the model as given, ``final_parameters`` those of ``final_model``: all
     unknowns, an effect's own as ``effect.gain``, those of a cable routing as ``name@routing``. ``repeats``:
-    some motion came again, which tells the floor; else it is what the last model of the path leaves.
+    some motion came again, which tells the floor; else see ``score.floors``.
     ``better``: with given effects exchanged, and likelier than ``model`` and what may be missing beside it;
     the path leads there. ``as_good``: others that these data cannot tell from the best.
     ``calibration`` says what the probabilities were learned from, ``odds`` what they were before, and

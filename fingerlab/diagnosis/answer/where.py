@@ -287,7 +287,12 @@ def angle_loop(comparison: Comparison) -> Shape | None:
 
 
 def tension_loop(comparison: Comparison) -> Shape | None:
-    """Measured and modelled over the cable's tension; None where there is no cable."""
+    """Measured and modelled over the cable's tension; None where there is no finger at the cable's end.
+
+    Of a motor alone the tension is its torque over the radius: what is measured, drawn over itself.
+    """
+    if not any(name.startswith("joint") for name in comparison.coordinates):
+        return None
     return _over(comparison, "tension", ("Cable tension", "N"), "Loop over the tension")
 
 

@@ -7,9 +7,9 @@ from functools import partial
 
 import numpy as np
 
-from fingerlab.core.text import fixed, in_sentence
+from fingerlab.core.text import estimate_text, fixed, in_sentence, screen_unit
 from fingerlab.diagnosis.answer.results import BenchFinding
-from fingerlab.diagnosis.equations.columns import DELAY
+from fingerlab.diagnosis.equations.coefficients import DELAY
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.gram.sums import SOURCES, Offsets
 from fingerlab.diagnosis.score.evidence import Evidence
@@ -180,21 +180,6 @@ def residual_offsets(
     return {runs[n]: row for one in offsets for n, row in zip(one.numbers, one.rows, strict=True)}
 
 
-SCREEN_UNITS = {
-    "N m": (1e3, "mN m"),
-    "m/N": (1e6, "um/N"),
-    "s": (1e3, "ms"),
-    "kg": (1e3, "g"),
-    "N m s/rad": (1e3, "mN m s/rad"),
-    "m s/N": (1e6, "um s/N"),
-    "rad": (180.0 / np.pi, "deg"),
-    "rad/s": (180.0 / np.pi, "deg/s"),
-    "kg m^2": (1e7, "g cm^2"),
-    "m": (1e3, "mm"),
-}
-"""SI unit -> factor and unit in which a person reads it."""
-
-
 def deviations(fitted: FittedModel, heat: float) -> dict[str, float]:
     """Standard deviation of every unknown, given what else is unknown; in the model's units."""
     spread = fitted.fit.deviations_at(heat)
@@ -256,22 +241,9 @@ def would_have_shown(fitted: FittedModel, effect: Effect, least: float) -> str:
 
 
 def _amount(value: float, unit: str) -> str:
-    factor, shown = SCREEN_UNITS.get(unit, (1.0, unit))
-    rounded = float(f"{value * factor:.2g}")
-    return f"{rounded:g}" + ("" if shown == "1" else f" {shown}")  # 1300, where .2g would write 1.3e+03
-
-
-def quantity(estimate: ParameterEstimate) -> str:
-    """Value with half its 90 % interval, with as many digits as that allows, in a unit for the screen."""
-    factor, unit = SCREEN_UNITS.get(estimate.unit, (1.0, estimate.unit))
-    half = 0.5 * (estimate.high - estimate.low) * factor
-    value = estimate.value * factor
-    shown = "" if unit == "1" else f" {unit}"
-    if half <= 0 or not np.isfinite(half):
-        return f"{value:.3g}{shown}"
-    digits = min(int(1 - np.floor(np.log10(half))), 6)
-    places = max(digits, 0)
-    return f"{round(value, digits):.{places}f} ± {round(half, digits):.{places}f}{shown}"
+    shown = screen_unit(unit, abs(value))
+    rounded = float(f"{value * shown.factor:.2g}")
+    return shown.after(f"{rounded:g}")  # 1300, where .2g would write 1.3e+03
 
 
 def explanation(
@@ -302,8 +274,9 @@ def explanation(
     if fitted.misfit > evidence.base.misfit * 0.98 and not replaced:
         return f"{said} Nothing of that is seen: {error} goes from {fall}."
     numbers = [
-        f"{parameter_title(effect, name)} {quantity(p) if name not in effect.shape_units else _grid_value(p)}"
-        for name, p in parameters(fitted, effect, evidence.temperature).items()
+        f"{parameter_title(effect, name)} "
+        f"{_grid_value(found) if name in effect.shape_units else estimate_text(found)}"
+        for name, found in parameters(fitted, effect, evidence.temperature).items()
     ]
     found = f" ({'; '.join(numbers)})" if numbers else ""
     there = f" in place of {_in_sentence(evidence.base, replaced)}" if replaced else ""
@@ -343,10 +316,8 @@ BOTH_JOINTS, ON_BENCH = "Both joints miss the same tension", "The motor's equati
 
 def _grid_value(estimate: ParameterEstimate) -> str:
     """A value that was only tried on a grid has no interval worth a sign."""
-    factor, unit = SCREEN_UNITS.get(estimate.unit, (1.0, estimate.unit))
-    if estimate.unit == "s" and estimate.value >= 1.0:
-        factor, unit = 1.0, "s"
-    return f"about {estimate.value * factor:.3g} {unit}"
+    shown = screen_unit(estimate.unit, abs(estimate.value))
+    return f"about {shown.after(f'{estimate.value * shown.factor:.3g}')}"
 
 
 def parameter_title(effect: Effect, name: str) -> str:

@@ -9,7 +9,7 @@ from typing import Protocol
 
 import numpy as np
 
-from fingerlab.diagnosis.equations.columns import CABLE_NAMES, DELAY, Coefficients
+from fingerlab.diagnosis.equations.coefficients import CABLE_NAMES, DELAY, Coefficients
 from fingerlab.diagnosis.equations.features import (
     NO_SHIFT,
     SLOPE,

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from fingerlab.acquisition.control.trajectories import read_trajectory
-from fingerlab.diagnosis.equations.columns import CABLE_NAMES
+from fingerlab.diagnosis.equations.coefficients import CABLE_NAMES
 from fingerlab.diagnosis.gram.sums import Reduced
 from fingerlab.diagnosis.settings import (
     BALANCE_STEPS,

@@ -31,7 +31,7 @@ from fingerlab.diagnosis.experiment.separation import (
     run_kind,
     separation,
 )
-from fingerlab.diagnosis.gram.runs import Decimated
+from fingerlab.diagnosis.gram.decimation import Decimated
 from fingerlab.diagnosis.score.calibration import Predicted
 from fingerlab.diagnosis.score.evidence import Evidence, Verdict
 from fingerlab.diagnosis.score.fitted_model import FittedModel, condition_weights, values_at_typical_strength

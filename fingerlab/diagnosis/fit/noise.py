@@ -22,7 +22,7 @@ import numpy as np
 from fingerlab.diagnosis.equations.features import NO_SHIFT, BoolArray, IntArray, Layout
 from fingerlab.diagnosis.equations.model import Model
 from fingerlab.diagnosis.equations.parameters import RUBS, SLIPS
-from fingerlab.diagnosis.gram.runs import left_out_variance
+from fingerlab.diagnosis.gram.state_law import left_out_covariance
 from fingerlab.diagnosis.gram.sums import Group, Reduced
 from fingerlab.diagnosis.settings import (
     LEAST_DEPTH_SPREAD_M,
@@ -128,7 +128,8 @@ def fill_missing_noise(reduced: Reduced) -> None:
         elif on_bench and alike:
             variance = torque_noise(reduced)
             if variance == 0.0:
-                variance = max(left_out_variance(g.state_products) for g in alike)
+                found = [left_out_covariance(g.state_products) for g in alike]
+                variance = max((float(one[0, 0]) for one in found if one is not None), default=0.0)
             signal = _signal(reduced.layout, Row.BENCH, None)
             noise = np.zeros((reduced.layout.signal_count,) * 2)
             noise[signal, signal] = variance

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fingerlab.diagnosis.equations.model import Model
-from fingerlab.diagnosis.fit.weights import Weights
+from fingerlab.diagnosis.fit.data import Weights
 from fingerlab.diagnosis.gram.sums import (
     KINDS,
     SOURCES,

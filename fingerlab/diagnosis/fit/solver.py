@@ -1,26 +1,22 @@
 """Fitting a model to Gram matrices: Gauss-Newton within bounds, priors as extra observations.
 
-A fit starts with moment arms from a straight regression, as no rig file gives them. What the constants in the
-joints' equations cost: every joint has a constant loss of its own for each routing, so a constant torque of
-the motor could be four losses just as well, and no misfit tells. But it would be a strange chance if four
-losses had the sizes and the signs that one torque through four moment arms gives them. How strange follows
-from the losses' own scatter. The motor alone has no joint to hide behind: there a constant torque is the
-friction's or the current's zero, and how far that may be off is known.
+What one run has of its own is integrated out, and what a friction holds at rest is weighed apart. Both follow
+from the friction's size, so that size is found first.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
 import numpy as np
 
-from fingerlab.diagnosis.equations.columns import CABLE_NAMES, DELAY
-from fingerlab.diagnosis.equations.features import NO_SHIFT, BoolArray, IntArray, Layout
+from fingerlab.diagnosis.equations.coefficients import DELAY
+from fingerlab.diagnosis.equations.features import BoolArray, IntArray
 from fingerlab.diagnosis.equations.model import Model
-from fingerlab.diagnosis.equations.parameters import ARMS, CHANGED_OFFSET, LOSSES, TORQUE_ZERO
-from fingerlab.diagnosis.fit.weights import (
+from fingerlab.diagnosis.equations.parameters import CHANGED_OFFSET, LOSSES
+from fingerlab.diagnosis.fit.bounded_step import bounded_step, scaled_inverse
+from fingerlab.diagnosis.fit.data import (
     Data,
     FoldNumbers,
     Gathered,
@@ -30,99 +26,19 @@ from fingerlab.diagnosis.fit.weights import (
     own_to_a_run,
     temperature,
 )
-from fingerlab.diagnosis.gram.sums import Group, Sums, taken_up, taken_up_by_folds
+from fingerlab.diagnosis.gram.sums import taken_up, taken_up_by_folds
 from fingerlab.diagnosis.settings import (
     LEAST_GAIN,
     LEAST_GAIN_SHARE,
     MOST_WANDER,
-    PIVOTING_ROUNDS,
     SETTLING_ITERATIONS,
-    SIMPLER_FIRST,
-    USUAL_LOSS_NM,
     WEAK_PRIOR,
 )
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
-from fingerlab.effects.base import Row
 from fingerlab.sessions.model import Array
 
 HELD = 1e12
 """Weight of the prior of an unknown that is held: its deviation is a millionth of what it usually is."""
-
-
-def starting_arms(layout: Layout, groups: Sequence[Group]) -> dict[str, float]:
-    """Moment arms (m) of each routing from a straight regression of tension on joint torque."""
-    arms: dict[str, float] = {}
-    for group in sorted(groups, key=lambda g: g.in_contact):
-        routing = CABLE_NAMES[group.cable_sign]
-        if group.on_bench or f"arm_mcp@{routing}" in arms:
-            continue
-        for row, name in zip((Row.MCP, Row.PIP), ARMS, strict=True):
-            slope = _tension_over_torque(layout, group.whole, row, group.cable_sign)
-            arms[f"{name}@{routing}"] = float(np.clip(1.0 / slope if slope > 1e-9 else 0.01, 0.003, 0.035))
-    return arms
-
-
-def _tension_over_torque(layout: Layout, sums: Sums, row: Row, cable_sign: int) -> float:
-    """How the cable's tension goes with a joint's torque, 1/m."""
-
-    def pick(wanted: set[str], shift: int | None = None) -> list[int]:
-        return [
-            i
-            for i in layout.base
-            if (f := layout.features[i]).row == row and f.parameter in wanted and f.shift == shift
-        ]
-
-    torque = pick({"proximal_mass", "distal_mass", "mcp_stiffness", "pip_stiffness", "force_gain"})
-    loss = pick({*LOSSES})
-    pull = pick({"torque_gain"}, shift=NO_SHIFT)
-    inertia = pick({"rotor_inertia"}, shift=NO_SHIFT)
-    # One line for each feature that takes part: what it adds to torque, loss and tension.
-    parts = [
-        *((i, (cable_sign, 0.0, 0.0)) for i in torque),
-        *((i, (0.0, 1.0, 0.0)) for i in loss),
-        *((i, (0.0, 0.0, 1.0)) for i in pull),
-        *((i, (0.0, 0.0, -layout.features[i].constant)) for i in inertia),
-    ]
-    share = np.array([line for _, line in parts], dtype=float)
-    products = share.T @ sums.of(layout.every[np.array([i for i, _ in parts])]) @ share
-    return float(np.linalg.lstsq(products[:2, :2], products[:2, 2], rcond=None)[0][0])
-
-
-def surprise(
-    model: Model, values: Array, radius: float, routings: Collection[str], zero_spread: float | None = None
-) -> float:
-    """Minus twice the log density of a model's losses, their unknown scatter integrated out.
-
-    A gain in ``offsets`` of an effect pays for its freedom: the share of its range that the losses leave it.
-
-    Args:
-        values: of the model's unknowns, (p,). radius: of the pulley, m. routings: those with free motion; in
-            contact, what a loss seems to be may be the tip's friction as well.
-        zero_spread: of the current's zero, N m, where a run of the motor alone is to be counted on.
-    """
-    known = list(zip(model.unknowns, map(float, values), strict=True))
-
-    def free(names: Collection[str]) -> Array:
-        return np.array([v for u, v in known if u.name in names and not u.effect and u.cable in routings])
-
-    zeros = [(value, u.parameter.typical) for u, value in known if u.key == TORQUE_ZERO]
-    spreads = [spread for _, spread in zeros]
-    spreads += [] if zero_spread is None or zeros else [zero_spread]
-    losses = free(LOSSES)
-    if len(losses) == 0:  # a bench, whose own offset could be the difference with no chance involved
-        return sum(SIMPLER_FIRST * len(c.effect.offsets) for c in model.choices)
-    variance = np.mean(losses**2) + USUAL_LOSS_NM**2
-    result = len(losses) * np.log(variance / USUAL_LOSS_NM**2)
-    result += sum((zero / spread) ** 2 for zero, spread in zeros)
-    levers = free(ARMS) / radius
-    told = levers @ levers / variance + sum(1.0 / spread**2 for spread in spreads)
-    for choice in model.choices:
-        for name in choice.effect.offsets:
-            # Friction opposes the motion in either direction, so that the difference stays within the mean.
-            mean = values[model.index[f"{choice.effect.id}.{choice.effect.excess[name]}"]]
-            width = max(2.0 * float(mean), 1e-12)
-            result += max(2.0 * np.log(width * np.sqrt(told / (2 * np.pi))), SIMPLER_FIRST)
-    return float(result)
 
 
 @dataclass(frozen=True)
@@ -528,96 +444,3 @@ def _taken_up_by(own: Array, sums: Weighted) -> tuple[Array, Array]:
     curved, pulled = sums.curvature @ own, sums.matrix @ own
     inverse = np.linalg.inv(own.T @ curved + np.eye(own.shape[1]))
     return curved @ inverse @ curved.transpose(0, 2, 1), pulled @ inverse @ pulled.transpose(0, 2, 1)
-
-
-def bounded_step(values: Array, gradient: Array, information: Array, low: Array, high: Array) -> Array:
-    """Minimiser of the quadratic model inside the bounds (active set with release, as in BVLS)."""
-    scale = 1.0 / np.sqrt(np.diag(information))
-    matrix = information * np.outer(scale, scale) + 1e-9 * np.eye(len(values))
-    slope = gradient * scale
-    floor, ceiling = (low - values) / scale, (high - values) / scale
-    quick = _pivoted(matrix, slope, floor, ceiling)
-    if quick is not None:
-        return quick * scale
-    step = np.zeros(len(values))
-    # What stands at a bound and is pushed outwards starts fixed; it is let go below if that was wrong.
-    fixed = ((floor > -1e-12) & (slope > 0)) | ((ceiling < 1e-12) & (slope < 0))
-    most, known, reached = 6 * len(values), dict[bytes, int](), list[Array]()
-    for done in range(most):
-        # Where the curvature is that of no minimum it goes in circles: the rest of its turns are known.
-        state = step.tobytes() + fixed.tobytes()
-        if state in known:
-            first = known[state]
-            step = reached[first + (most - first) % (done - first)]
-            break
-        known[state] = done
-        reached.append(step)
-        free = np.flatnonzero(~fixed)
-        target = step.copy()
-        if len(free):
-            rest = slope[free] + matrix[free][:, fixed] @ step[fixed]
-            target[free] = np.linalg.solve(matrix[free][:, free], -rest)
-        out = ~fixed & ((target < floor - 1e-12) | (target > ceiling + 1e-12))
-        if out.any():
-            # Go as far as the first bound on the way, and stay there.
-            change = target - step
-            with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-                room = np.where(change > 0, (ceiling - step) / change, (floor - step) / change)
-            room[~out] = np.inf
-            first = int(np.argmin(room))
-            step = step + max(0.0, float(room[first])) * change
-            step[first] = ceiling[first] if change[first] > 0 else floor[first]
-            fixed[first] = True
-            continue
-        step = target
-        pull = slope + matrix @ step
-        wrong = fixed & (((step <= floor) & (pull < -1e-6)) | ((step >= ceiling) & (pull > 1e-6)))
-        if not wrong.any():
-            break
-        fixed[int(np.argmax(np.where(wrong, np.abs(pull), -1.0)))] = False
-    return step * scale
-
-
-def _pivoted(matrix: Array, slope: Array, floor: Array, ceiling: Array) -> Array | None:
-    """The same minimiser by exchanging all wrong bounds at once; None where that does not settle.
-
-    Block principal pivoting (Judice and Pires 1994): nearly always two or three solves. Where their number
-    does not fall, only the last of the wrong bounds is exchanged, which cannot go in circles. What stands at
-    a bound starts there: between two steps of a fit, or two models that are alike, that hardly changes.
-    """
-    at_floor = floor > -1e-12
-    at_ceiling = (ceiling < 1e-12) & ~at_floor
-    fewest, known = len(slope) + 1, set[tuple[bytes, bytes, int]]()
-    for _ in range(PIVOTING_ROUNDS):
-        state = at_floor.tobytes(), at_ceiling.tobytes(), fewest
-        if state in known:  # in circles all the same: the curvature is that of no minimum
-            return None
-        known.add(state)
-        step = np.where(at_floor, floor, 0.0)
-        step[at_ceiling] = ceiling[at_ceiling]
-        held = at_floor | at_ceiling
-        free = (~held).nonzero()[0]
-        if len(free):
-            rest = slope + matrix @ step
-            among = matrix.take(free[:, None] * len(slope) + free)
-            step[free] = np.linalg.solve(among, -rest[free])
-        pull = slope + matrix @ step
-        now_floor = (at_floor & (pull > -1e-6)) | (~held & (step < floor - 1e-12))
-        now_ceiling = (at_ceiling & (pull < 1e-6)) | (~held & (step > ceiling + 1e-12))
-        wrong = ((now_floor != at_floor) | (now_ceiling != at_ceiling)).nonzero()[0]
-        if len(wrong) == 0:
-            return np.asarray(step)
-        if len(wrong) < fewest:
-            fewest = len(wrong)
-            at_floor, at_ceiling = now_floor, now_ceiling
-        else:
-            last = wrong[-1]
-            at_floor[last], at_ceiling[last] = now_floor[last], now_ceiling[last]
-    return None
-
-
-def scaled_inverse(matrix: Array) -> Array:
-    """Pseudo-inverse of a symmetric matrix, (p, p), whose rows have units of their own."""
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-    scaled = np.linalg.pinv(matrix * np.outer(scale, scale), hermitian=True)
-    return np.asarray(scaled * np.outer(scale, scale))

@@ -2,17 +2,14 @@
 
 All columns of all effects at all grid points are formed once, low-passed, decimated, and reduced to products
 of features, one matrix for each fold of each group of runs. Fits, held-out scores and distances between
-effects then cost nothing that grows with the recording. A second process may read ahead; only sums travel
-between the two (see ``fingerlab.core.progress``), and each keeps what it read.
+effects then cost nothing that grows with the recording.
 """
 
 from __future__ import annotations
 
 import operator
-import os
-from collections import deque
-from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import replace
 from functools import cached_property, partial
 from typing import Any, TypeVar
@@ -21,17 +18,16 @@ import numpy as np
 
 from fingerlab.core.errors import UserError
 from fingerlab.core.progress import SILENT, Watch
-from fingerlab.diagnosis.equations.columns import Asked, asked_of, layout_of, of_the_user
+from fingerlab.diagnosis.equations.columns import Asked, asked_of, layout_of
 from fingerlab.diagnosis.equations.features import Layout
-from fingerlab.diagnosis.gram.runs import Decimated, Keep, SegmentCache, pair_sums, run_sums
+from fingerlab.diagnosis.gram.decimation import Decimated, SegmentCache
+from fingerlab.diagnosis.gram.run_sums import Keep, in_place, pair_sums, run_sums, sums_in_turn
 from fingerlab.diagnosis.gram.sums import Group, PairSums, Reduced, RunConstants, RunSums, add_among, empty
-from fingerlab.diagnosis.settings import MOST_CLOSER, MOST_LOOKED_AT, STATE_ORDERS, TASKS_AHEAD
+from fingerlab.diagnosis.settings import MOST_CLOSER, MOST_LOOKED_AT, STATE_ORDERS
 from fingerlab.diagnosis.signals.conditions import (
-    Facts,
     Fold,
     GroupKey,
     changed_pairs,
-    check_channels,
     deal_runs,
     group_key,
     missing_channels,
@@ -39,9 +35,9 @@ from fingerlab.diagnosis.signals.conditions import (
     runs_to_analyse,
     with_changes_told,
 )
+from fingerlab.diagnosis.signals.contradictions import Facts, check_channels
 from fingerlab.diagnosis.signals.scales import Scales, as_recorded, find_scales, reduced_sessions
 from fingerlab.diagnosis.signals.segments import Senses, check_senses, segments_of
-from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import Effect, Shape
 from fingerlab.physics.motion import Motion, strongest_orders
 from fingerlab.rig.file import UNCHANGED, Intervention, Rig, intervention_of
@@ -62,8 +58,6 @@ class Reduction:
         settled: whether they were looked for.
         held: values that somebody holds unknowns of every model at, by key, SI.
         repairs: samples that were put right, by number of the run and channel; samples: that it has.
-        weights: of the equations, (5, 5) by group, under which the last answer was told; None: there is none.
-            A first look at the next model is told under them, no answer is.
     """
 
     def __init__(
@@ -86,7 +80,6 @@ class Reduction:
         self.held: Mapping[str, float] = {}
         self.repairs: dict[int, Mapping[str, int]] = {}
         self.samples: dict[int, float] = {}
-        self.weights: Mapping[GroupKey, Array] | None = None
         self._forget()
 
     @cached_property
@@ -219,6 +212,11 @@ class Reduction:
         groups = [replace(g) for g in known.groups]
         return replace(known, groups=groups, constants=self.constants, held=self.held)
 
+    def by_state(self, effects: Sequence[Effect], watch: Watch = SILENT) -> Reduced:
+        """Sums for few effects, and what a law of the state (``gram.state_law``) tells their signals by."""
+        acting = self._acting(effects)
+        return self._reduced(acting, self._layouts(acting), watch, None, anew=True, by_state=True)
+
     def remember(
         self, effects: Sequence[Effect], shapes: Sequence[int], work: Callable[[], _Found]
     ) -> _Found:
@@ -272,13 +270,14 @@ class Reduction:
         watch: Watch,
         keep: Keep | None,
         anew: bool,
+        by_state: bool = False,
     ) -> Reduced:
         pairs, runs = self._pairs, [run for _, run in self._pairs]
         seek_cycle = all(told_frequency(run) is None for run in runs)
         asked, start = {}, 0
         for on_bench, layout in layouts.items():
             found = asked_of(layout, effects, self._first.get(on_bench), start, anew, seek_cycle)
-            asked[on_bench] = replace(found, orders=self._orders)
+            asked[on_bench] = replace(found, orders=self._orders, by_state=by_state)
             start += layout.signal_count
         whole = _joined(*layouts.values())
         dealt, places = deal_runs(runs)
@@ -318,7 +317,7 @@ class Reduction:
 
             for number in numbers:
                 count, own = len(seen), SegmentCache()
-                shown = partial(_shown, keep, asked[number].start, size)
+                shown = partial(in_place, keep, asked[number].start, size)
                 run_sums(number, *self._pairs[number], effects, asked[number], shown, own)
                 del seen[count + 1 :]
             found = pair_sums(numbers, group_key(runs[numbers[0]]), *seen)
@@ -441,134 +440,3 @@ def _comparable(group: Group) -> list[list[Array]]:
         if len(trends) == 1:
             alone.setdefault(stretch, []).extend(trends)
     return [*repeated, *alone.values()]
-
-
-Grid = tuple[str, Sequence[Shape]]
-"""A built-in effect by its id, and the shapes that are asked of it."""
-
-
-def sums_in_turn(
-    pairs: Sequence[tuple[Session, Run]],
-    effects: Sequence[Effect],
-    size: int,
-    asked: Sequence[Asked],
-    cache: SegmentCache,
-    keep: Keep | None,
-) -> Iterator[RunSums]:
-    """The sums of every run, in order; a second process works ahead on every run that is not yet begun.
-
-    Only sums travel between the processes. A run goes to the process that has read it before. Without a
-    second process, runs that are kept are shared by threads.
-
-    Args:
-        size: signals of all runs. asked: of each run.
-    """
-    grids = [(e.id, e.shapes) for e in effects]
-    # A user's own effect lives in this process only, and so does what is shown.
-    alone = cache.executor is None or keep is not None or any(of_the_user(e) for e in effects)
-    if alone and all(number in cache for number in range(len(pairs))):
-        formed = [effects[k] for one in asked for k in one.formed]
-        if not any(of_the_user(e) for e in formed):  # nobody knows whether that code minds threads
-            yield from _in_threads(pairs, effects, size, asked, cache, keep)
-            return
-    waiting = deque(range(len(pairs)))
-    ahead: dict[int, Future[RunSums]] = {}
-    done: dict[int, RunSums] = {}
-
-    def ask(number: int) -> None:
-        session, run = pairs[number]
-        waiting.remove(number)
-        cache.elsewhere.add(number)
-        assert cache.executor is not None
-        ahead[number] = cache.executor.submit(
-            _elsewhere, number, replace(session, runs=()), run, grids, asked[number], cache.number
-        )
-
-    try:
-        for number in range(len(pairs)):
-            while number not in done:
-                while not alone and sum(not f.done() for f in ahead.values()) < TASKS_AHEAD:
-                    theirs = _theirs(cache, waiting)
-                    if theirs is None:
-                        break
-                    ask(theirs)
-                own = next((n for n in waiting if alone or n not in cache.elsewhere), None)
-                if own is not None and (number in waiting or not ahead[number].done()):
-                    waiting.remove(own)
-                    shown = None if keep is None else partial(_shown, keep, asked[own].start, size)
-                    done[own] = run_sums(own, *pairs[own], effects, asked[own], shown, cache)
-                else:
-                    done[number] = ahead.pop(number).result()
-            yield done.pop(number)
-    finally:
-        for future in ahead.values():
-            future.cancel()
-
-
-def _in_threads(
-    pairs: Sequence[tuple[Session, Run]],
-    effects: Sequence[Effect],
-    size: int,
-    asked: Sequence[Asked],
-    cache: SegmentCache,
-    keep: Keep | None,
-) -> Iterator[RunSums]:
-    """The sums of runs that are kept, by one thread for each core: nearly all of it is linear algebra."""
-
-    def one(number: int) -> tuple[RunSums, list[Decimated]]:
-        shown: list[Decimated] = []
-        show = None if keep is None else lambda session, run, low: shown.append(low)
-        return run_sums(number, *pairs[number], effects, asked[number], show, cache), shown
-
-    count = os.cpu_count() or 1
-    ahead: deque[Future[tuple[RunSums, list[Decimated]]]] = deque()
-    with ThreadPoolExecutor(count) as threads:
-        for number in range(len(pairs) + count):
-            if number < len(pairs):
-                ahead.append(threads.submit(one, number))
-            if number >= count:
-                sums, shown = ahead.popleft().result()
-                for low in shown:
-                    assert keep is not None
-                    _shown(keep, asked[number - count].start, size, *pairs[number - count], low)
-                yield sums
-
-
-def _shown(
-    keep: Keep,
-    start: int,
-    size: int,
-    session: Session,
-    run: Run,
-    low: Decimated,
-) -> None:
-    """Keep a stretch with its signals in their places among those of all runs."""
-    columns = low.columns
-    if columns.shape[1] != size:
-        columns = np.zeros((len(low.time), size))
-        columns[:, start : start + low.columns.shape[1]] = low.columns
-    keep(session, run, replace(low, columns=columns, live=low.live + start))
-
-
-def _theirs(cache: SegmentCache, waiting: Iterable[int]) -> int | None:
-    """The run that the second process is given next: one that it has read, or one that neither has.
-
-    Of the latter the next in turn is left to this process.
-    """
-    read = [n for n in waiting if n in cache.elsewhere]
-    return (read + [n for n in waiting if n not in cache][1:2] + [None])[0]
-
-
-_cached = SegmentCache(number=-1)
-"""In the second process: what it has read of the analysis that is going on."""
-
-
-def _elsewhere(
-    number: int, session: Session, run: Run, grids: Sequence[Grid], asked: Asked, analysis: int
-) -> RunSums:
-    """What the second process does."""
-    global _cached
-    if _cached.number != analysis:
-        _cached = SegmentCache(number=analysis)
-    effects = [replace(CATALOGUE[name], shapes=shapes) for name, shapes in grids]
-    return run_sums(number, session, run, effects, asked, None, _cached)

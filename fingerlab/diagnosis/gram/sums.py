@@ -21,10 +21,11 @@ from typing import Any
 
 import numpy as np
 
-from fingerlab.diagnosis.equations.columns import CABLE_NAMES
+from fingerlab.diagnosis.equations.coefficients import CABLE_NAMES
 from fingerlab.diagnosis.equations.features import IntArray, Layout, Pick
 from fingerlab.diagnosis.equations.model import Model
-from fingerlab.diagnosis.signals.conditions import Facts, Fold, GroupKey
+from fingerlab.diagnosis.signals.conditions import Fold, GroupKey
+from fingerlab.diagnosis.signals.contradictions import Facts
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
 from fingerlab.diagnosis.signals.segments import Senses
 from fingerlab.effects.base import Row
@@ -342,7 +343,7 @@ class RunSums:
     facts: Facts | None = None  # what its channels say of each other; on a first reading
     encoder_variance: float = 0.0
     state_products: list[Array] = field(default_factory=list)
-    """Of a motor alone whose motion does not come again: see ``state_law``, one for each block."""
+    """Where no motion comes again: see ``state_law``, one for each block."""
     repairs: Counter[str] = field(default_factory=Counter)
     samples: float = 0.0
 
@@ -385,7 +386,7 @@ class Group:
     trends: dict[tuple[int, int], list[Array]] = field(default_factory=dict)
     """While runs are read: slow trends by condition and stretch, (signals, degrees) for each run."""
     state_products: list[list[Array]] = field(default_factory=list)
-    """Of each run of a motor alone whose motion does not come again: see ``state_law``."""
+    """Of each run where no motion comes again: see ``state_law``."""
 
     def __post_init__(self) -> None:
         self.dealt = self.dealt or [Fold(0, k) for k in range(len(self.folds))]

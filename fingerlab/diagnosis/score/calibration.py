@@ -85,9 +85,9 @@ class ProbabilityMap:
     Attributes:
         verdict: sharpness among "an effect is seen", "none is seen" and "something unknown".
         quiet, strange: log odds added for "none is seen" and "something unknown".
-        verdict_lapse: log odds that this verdict says nothing, where the floor is reached in the end; by
-            ``verdict_lapse_left`` more for each unit of the logarithm of what is left. ``base_rates`` of the
-            three hold then.
+        verdict_lapse: log odds that this verdict says nothing, where the floor is reached in the end or
+            something unknown is seen; else by ``verdict_lapse_left`` more for each unit of the logarithm of
+            what is left. ``base_rates`` of the three hold then.
         effect: sharpness among the effects. blunt: the same where the law of the truth is far from the
             bench's; ``lapse`` and ``lapse_left`` are the log odds of that, as before.
         hidden: log odds added for an effect that could not show, against nothing.
@@ -112,7 +112,9 @@ class ProbabilityMap:
             left: error that the path leaves, in floors. widening: divides the log odds of verdict and effect.
         """
         more = min(max(math.log(max(left, 1.0)), 0.0), MOST_LEFT)
-        verdict_lapse = _share(self.verdict_lapse + self.verdict_lapse_left * more)
+        # That much is left is no doubt of an answer which says just that.
+        strange = odds.unknown > max(odds.nothing, float(odds.found.sum()))
+        verdict_lapse = _share(self.verdict_lapse + self.verdict_lapse_left * (0.0 if strange else more))
         lapse = _share(self.lapse + self.lapse_left * more)
         found, hidden = _logs(odds.found), _logs(odds.hidden)
         nothing = float(_logs(np.array([odds.nothing]))[0])
@@ -166,8 +168,7 @@ class CalibrationTable:
     """What was learned from trials.
 
     Attributes:
-        version: of the table. fitted: trials that it was fitted to. judged: trials that judged it, each by
-            a table fitted to others.
+        version: of the table. fitted: trials that it was fitted to. judged: others, that judged it.
         population: what the trials are, in words.
         map: from odds to probabilities.
         thresholds: log odds against the best down to which an answer is in the set, by the names of

@@ -40,6 +40,8 @@ from fingerlab.diagnosis.settings import (
     SET_LOG_ODDS,
     SET_PROBABILITY,
     STRONGEST,
+    UNEXPLAINED,
+    UNEXPLAINED_SHARE,
     UNKNOWN_LEAST,
     UNKNOWN_LEAST_BEYOND,
     UNKNOWN_SHARE,
@@ -238,12 +240,35 @@ def shares_of_rivals(log_odds: Mapping[str, float]) -> dict[str, float]:
     return {name: float(np.exp(odds - total)) for name, odds in log_odds.items()}
 
 
-def doubted(evidence: Evidence) -> Evidence:
-    """The evidence where a model leaves so much that "nothing missing" cannot be said: something is."""
-    if evidence.verdict != "nothing_missing" or not much_left(evidence.base):
+def doubted(evidence: Evidence, last: FittedModel) -> Evidence:
+    """The evidence where what is left at the ``last`` of the path says that something unknown is missing.
+
+    Where a model leaves much, "nothing missing" cannot be said; nor can an effect be said to be what is
+    missing where it and all that follow explain too little of it.
+    """
+    if evidence.verdict == "nothing_missing" and much_left(evidence.base):
+        nothing = DOUBTED * evidence.nothing
+        return replace(evidence, nothing=nothing, unknown=evidence.unknown + evidence.nothing - nothing)
+    far = much_left(last, UNEXPLAINED) and last.misfit > UNEXPLAINED_SHARE * evidence.base.misfit
+    if evidence.verdict == "missing_effect" and far:
+        taken = (1.0 - DOUBTED) * float(evidence.probabilities.sum())
+        return replace(
+            evidence, probabilities=DOUBTED * evidence.probabilities, unknown=evidence.unknown + taken
+        )
+    return evidence
+
+
+def stranger(evidence: Evidence, again: Evidence) -> Evidence:
+    """The evidence where something unknown is at least as likely as when it is judged ``again``."""
+    if again.unknown <= evidence.unknown:
         return evidence
-    nothing = DOUBTED * evidence.nothing
-    return replace(evidence, nothing=nothing, unknown=evidence.unknown + evidence.nothing - nothing)
+    rest = (1.0 - again.unknown) / max(1.0 - evidence.unknown, 1e-300)
+    return replace(
+        evidence,
+        probabilities=rest * evidence.probabilities,
+        nothing=rest * evidence.nothing,
+        unknown=again.unknown,
+    )
 
 
 def beside_others(evidence: Evidence, beside: Evidence) -> Evidence:

@@ -18,6 +18,7 @@ import numpy as np
 
 from fingerlab.diagnosis.equations.model import Choice, Model, build
 from fingerlab.diagnosis.equations.parameters import TIP_LAWS, TORQUE_ZERO
+from fingerlab.diagnosis.fit.data import Data, FoldNumbers, Weighted, Weights, change, own_to_a_run
 from fingerlab.diagnosis.fit.noise import (
     fill_missing_noise,
     first_weights,
@@ -25,11 +26,10 @@ from fingerlab.diagnosis.fit.noise import (
     noise_weights,
     row_covariance,
 )
-from fingerlab.diagnosis.fit.solver import Fitter, LeftOut, starting_arms, surprise
-from fingerlab.diagnosis.fit.weights import Data, FoldNumbers, Weighted, Weights, change, own_to_a_run
+from fingerlab.diagnosis.fit.priors import starting_arms, surprise
+from fingerlab.diagnosis.fit.solver import Fitter, LeftOut
 from fingerlab.diagnosis.gram.sums import Offsets, Reduced, RunConstants
-from fingerlab.diagnosis.score.fitted_model import FittedModel, sensitivity
-from fingerlab.diagnosis.score.paired import paired_misfit
+from fingerlab.diagnosis.score.fitted_model import FittedModel, paired_misfit, sensitivity
 from fingerlab.diagnosis.settings import FULL_ITERATIONS, MOST_ROUNDS, MOST_WANDER, SETTLED
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
 from fingerlab.sessions.model import Array
@@ -56,6 +56,7 @@ class Scorer:
         self._models: dict[tuple[object, ...], Model] = {}
         self._fitters: dict[tuple[object, ...], Fitter] = {}
         self._fitters_weights: tuple[bytes, ...] = ()
+        self._above_weights = False
 
     @cached_property
     def bare(self) -> FittedModel:
@@ -68,6 +69,12 @@ class Scorer:
         other.reduced = replace(self.reduced, constants=constants)
         other.data = Data(self.reduced.groups, constants)
         other.__dict__.pop("bare", None)
+        return other
+
+    def in_floors(self) -> Scorer:
+        """The same, with a misfit above what the weights stand for where nothing repeats, too."""
+        other = self.fresh()
+        other._above_weights = True
         return other
 
     def fresh(self) -> Scorer:
@@ -338,7 +345,10 @@ class Scorer:
             square -= explained(own, h, sums)
         else:
             square -= allowance(own, h, sums, jacobian, left)
-        return square, EFFECTIVE_SHARE * group.equations * group.folds[k].samples
+        samples = EFFECTIVE_SHARE * group.folds[k].samples
+        if self._above_weights and not group.repeats:
+            square -= samples * np.count_nonzero(np.diag(fitter.weights[group.key]))
+        return square, samples * group.equations
 
     def run_offsets(self, fitted: FittedModel) -> list[Offsets]:
         """The constants that the runs of every group have of their own beside a scored model."""

@@ -16,9 +16,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from fingerlab.diagnosis.equations.features import BoolArray
-from fingerlab.diagnosis.fit.weights import temperature
-from fingerlab.diagnosis.score.fitted_model import FittedModel
-from fingerlab.diagnosis.score.paired import paired_log_odds
+from fingerlab.diagnosis.fit.data import temperature
+from fingerlab.diagnosis.score.fitted_model import FittedModel, paired_log_odds
 from fingerlab.diagnosis.settings import (
     CONTACT_CHARGE,
     CONTACT_SHARE,

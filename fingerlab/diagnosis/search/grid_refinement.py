@@ -19,7 +19,7 @@ import numpy as np
 from fingerlab.core.errors import UserError
 from fingerlab.core.progress import SILENT, Watch
 from fingerlab.diagnosis.equations.model import Choice
-from fingerlab.diagnosis.fit.weights import Weights
+from fingerlab.diagnosis.fit.data import Weights
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.score.evidence import Evidence, alike, shares_of
 from fingerlab.diagnosis.score.fitted_model import FittedModel, at_found_shapes
@@ -38,7 +38,7 @@ from fingerlab.diagnosis.settings import (
     STEP_GAIN,
     USUAL_LEFT,
 )
-from fingerlab.effects.base import Effect, Shape
+from fingerlab.effects.base import Effect, Shape, of_shape
 
 
 def fit_effects(scorer: Scorer, effects: Sequence[Effect]) -> FittedModel:
@@ -98,14 +98,14 @@ def refine_grid(
     Raises:
         Cancelled: the user asked for it.
     """
-    choices = [_following(c, found.values) for c in found.choices]
+    choices = _following(found)
     for _ in range(ROUNDS):
         finer = [_finer(c) for c in choices]
         places = [_place(e.shapes, c.effect.shapes[c.shape]) for e, c in zip(finer, choices, strict=True)]
         scorer = Scorer(reduction.closer(finer, watch))
         of_shapes = fitted = reduction.remember(finer, places, partial(_best_of_finer, scorer, finer, places))
         for _ in range(FOLLOWING_ROUNDS):
-            choices = [_following(c, fitted.values) for c in fitted.choices]
+            choices = _following(fitted)
             each = zip(choices, fitted.choices, strict=True)
             if not any(_has_moved(now, then, fitted) for now, then in each):
                 break
@@ -359,8 +359,16 @@ def can_refine(choices: Sequence[Choice]) -> bool:
     return any(len(_finer(c).shapes) > 1 for c in choices)
 
 
-def _following(choice: Choice, values: Mapping[str, float]) -> Choice:
-    """The choice with what its shape takes from other unknowns of the model."""
+def _following(fitted: FittedModel) -> list[Choice]:
+    """A model's choices with what their shapes take from its unknowns and from each other's shapes."""
+    values = dict(fitted.values)
+    for c in fitted.choices:
+        shape = c.effect.shapes[c.shape] if len(c.effect.shapes) else {}
+        values |= {of_shape(c.effect.id, name): number for name, number in shape.items()}
+    return [_taking(c, values) for c in fitted.choices]
+
+
+def _taking(choice: Choice, values: Mapping[str, float]) -> Choice:
     effect = choice.effect
     taken = {name: sum(values.get(k, 0.0) for k in keys) for name, keys in effect.follows.items()}
     if not taken:

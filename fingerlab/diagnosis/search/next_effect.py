@@ -17,8 +17,9 @@ import numpy as np
 from fingerlab.core.progress import Watch
 from fingerlab.diagnosis.equations.features import Feature
 from fingerlab.diagnosis.equations.model import Choice
-from fingerlab.diagnosis.fit.solver import Fitter, bounded_step
-from fingerlab.diagnosis.fit.weights import Data, Weights, feature_weights
+from fingerlab.diagnosis.fit.bounded_step import bounded_step
+from fingerlab.diagnosis.fit.data import Data, Weights, feature_weights
+from fingerlab.diagnosis.fit.solver import Fitter
 from fingerlab.diagnosis.gram.sums import taken_up
 from fingerlab.diagnosis.score.evidence import Evidence, judge
 from fingerlab.diagnosis.score.fitted_model import FittedModel, at_assumed_bounds

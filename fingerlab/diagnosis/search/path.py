@@ -8,7 +8,7 @@ import numpy as np
 
 from fingerlab.core.progress import Watch
 from fingerlab.diagnosis.equations.model import Choice
-from fingerlab.diagnosis.fit.weights import Weights
+from fingerlab.diagnosis.fit.data import Weights
 from fingerlab.diagnosis.score.evidence import Evidence, alike
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.score.scorer import Scorer

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from fingerlab.core.progress import SILENT, Progress, Watch
-from fingerlab.diagnosis.fit.weights import Weights
+from fingerlab.diagnosis.fit.data import Weights
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.score.evidence import (
     Evidence,
@@ -15,10 +15,13 @@ from fingerlab.diagnosis.score.evidence import (
     borne_out,
     distrusted,
     doubted,
+    judge,
+    stranger,
     with_rivals,
     with_undetected,
 )
 from fingerlab.diagnosis.score.fitted_model import FittedModel
+from fingerlab.diagnosis.score.floors import scored_in_floors, weights_at_floor
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.score.selection import justified, much_left
 from fingerlab.diagnosis.search.grid_refinement import (
@@ -176,14 +179,42 @@ def search_effects(question: Question, scorer: Scorer) -> Found:
         evidence = with_rivals(evidence, odds_of_rivals(rivals))
         if rivals and rivals[0].better:
             path, refined = [evidence.base, *rivals[0].steps], rivals[0].scorer
-    evidence = doubted(evidence)
+    found = Found(scorer, evidence, path, refined, rivals, many is not None)
+    if not all(group.repeats for group in scorer.reduced.groups):
+        found = _in_floors(question, found)
+    return _with_what_could_hide(found)
+
+
+def _with_what_could_hide(found: Found) -> Found:
+    """What was found, with a share for every effect that these data could not have shown."""
+    scorer, evidence = found.scorer, doubted(found.evidence, found.path[-1])
     candidates = (_with_no_turn(scorer, evidence.base, one) for one in evidence.candidates)
     evidence = replace(
         evidence,
         base=scorer.with_sensitivity(evidence.base),
         candidates=tuple(map(scorer.with_sensitivity, candidates)),
     )
-    return Found(scorer, with_undetected(evidence), path, refined, rivals, many is not None)
+    return replace(found, evidence=with_undetected(evidence))
+
+
+def _in_floors(question: Question, found: Found) -> Found:
+    """What was found where nothing repeats, with every score in the floors of the last model.
+
+    Where that leaves much more than a law of the state, which knows no physics, the evidence is judged again:
+    in the search all that a model left passed for noise.
+    """
+    weights = weights_at_floor(question.reduction, found.path[-1])
+    scorer = found.scorer.in_floors()
+    evidence = rescore(scorer, found.evidence, weights)
+    by, steps = scored_in_floors(found.refined or found.scorer, found.path[1:], weights)
+    rivals = []
+    for rival in found.rivals:
+        its, exchanged = scored_in_floors(rival.scorer, rival.steps, weights)
+        rivals.append(replace(rival, scorer=its, steps=tuple(exchanged)))
+    path, refined = [evidence.base, *steps], None if found.refined is None else by
+    if much_left(path[-1]):
+        evidence = stranger(evidence, borne_out(judge(evidence.base, evidence.candidates), path[-1]))
+    return Found(scorer, evidence, path, refined, rivals, found.many)
 
 
 def _rivals(

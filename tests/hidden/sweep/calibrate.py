@@ -406,7 +406,11 @@ def _by_kind(after: Sequence[Answered], table: CalibrationTable) -> list[list[st
 @click.argument("results", type=click.Path(exists=True, path_type=Path))
 @click.option("--table", type=click.Path(path_type=Path), help="Table, such as resources/calibration.json.")
 @click.option("--page", "target", type=click.Path(path_type=Path), help="Page, such as docs/calibration.md.")
-@click.option("--judge", is_flag=True, help="Fit nothing: judge the program's table on these trials.")
+@click.option(
+    "--judge",
+    is_flag=True,
+    help="Fit nothing: judge the program's table on these trials, and let it tell so.",
+)
 @click.option("--version", default="1", show_default=True)
 @click.option("--command", default="python -m tests.hidden.sweep.calibrate", hidden=True)
 def main(
@@ -415,24 +419,36 @@ def main(
     """Fit the map from odds to probabilities and the sets, and judge both on other trials."""
     trials, failed = read(results)
     if judge:
-        text = judged(trials, failed, calibration(), command)
+        known = calibration()
+        text = judged(trials, failed, known, command)
         click.echo(text)
+        if table is not None:
+            said = [answer(one, known) for one in trials]
+            write_table(table, with_figures(known, said))
         if target is not None:
             page_before = target.read_text(encoding="utf-8").split(JUDGED)[0].rstrip("\n")
             target.write_text(f"{page_before}\n\n{text}", encoding="utf-8")
         return
     said = judged_by_others(trials, version)
-    made = replace(
-        fit_table(trials, version), judged=len(said), error=round(calibration_error(said), 4),
-        coverage=round(_mean(a.covered for a in said), 4),
-    )  # fmt: skip
+    made = with_figures(fit_table(trials, version), said)
     before = target.read_text(encoding="utf-8") if target is not None and target.exists() else ""
     text = page(trials, failed, said, made, command, before)
     click.echo(text)
     if table is not None:
-        table.write_text(json.dumps(_rounded(asdict(made)), indent=1) + "\n", encoding="utf-8")
+        write_table(table, made)
     if target is not None:
         target.write_text(text, encoding="utf-8")
+
+
+def with_figures(table: CalibrationTable, said: Sequence[Answered]) -> CalibrationTable:
+    """The table with the figures of what it ``said`` of trials that it was not fitted to."""
+    error, covered = calibration_error(said), _mean(a.covered for a in said)
+    return replace(table, judged=len(said), error=round(error, 4), coverage=round(covered, 4))
+
+
+def write_table(path: Path, table: CalibrationTable) -> None:
+    """The table as the program reads it."""
+    path.write_text(json.dumps(_rounded(asdict(table)), indent=1) + "\n", encoding="utf-8")
 
 
 def _rounded(value: Any) -> Any:

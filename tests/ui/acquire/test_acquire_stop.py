@@ -79,6 +79,7 @@ def test_stop_in_fault_and_when_stopped_already(connect_rig) -> None:  # type: i
         assert rig.bench.device.driven_current == 0.0
     rig.click("release")
     rig.run(0.1)
+    assert rig.window.task_bar.text.text() == "Stop released"
     rig.click("resetFault")
     rig.run(0.1)
     assert rig.mode is Mode.INITIALISED

@@ -21,6 +21,7 @@ from PySide6.QtWidgets import (
 from pytestqt.qtbot import QtBot
 
 from fingerlab.ui.app.window import MainWindow
+from fingerlab.ui.widgets.tables import LinesLabel
 from fingerlab.ui.widgets.theme import Appearance, apply_appearance
 
 from ..hands import child, click
@@ -70,6 +71,7 @@ def test_each_tabs_menu_has_a_letter_of_its_own(make_window: Any) -> None:
         assert len(set(letters)) == len(titles), titles
         if key == "sessions":
             window.tab(key).review_page  # noqa: B018 -- made at its first use
+            window.tab(key).page.show_reading(True)  # its button has other words as long as a folder is read
         for widget in window.tab(key).widget.findChildren(QWidget):
             # The letter of a menu opens it, on every page: no button or field has it, too.
             written = isinstance(widget, QAbstractButton) or (isinstance(widget, QLabel) and widget.buddy())
@@ -119,6 +121,11 @@ def test_what_was_done_is_marked_otherwise_than_trouble_and_can_be_opened(
         QDesktopServices.unsetUrlHandler("file")
     # A page in its own program; of a file that no program shows, the folder.
     assert [Path(url.toLocalFile()) for url in asked.urls] == [tmp_path / "page.html", tmp_path]
+    words = "Nothing was hidden in what the simulated bench has recorded; practise on another one. " * 3
+    window.context.announce(words)
+    lines = child(window, LinesLabel, "message").lines
+    assert len(lines) == 2
+    assert [word for line in lines for word in line.split()] == words.split()  # none is broken in two
     window.context.tell("It cannot be written.", "why")
     trouble = bar.grab().toImage().pixelColor(2, 2), mark.text(), mark.accessibleName()
     assert not child(window, QPushButton, "openWritten").isVisible()

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from PySide6.QtWidgets import QLabel
+from PySide6.QtWidgets import QLabel, QPushButton
 from pytestqt.qtbot import QtBot
 
 from fingerlab.diagnosis.answer.results import BenchFinding
@@ -28,3 +28,8 @@ def test_findings_stand_under_the_verdict(qtbot: QtBot, make_window: Any, sessio
     assert label.text() == f"The bench: {TEXTS[0]} And 1 more."
     assert label.toolTip() == "\n".join(TEXTS)
     assert not label.isHidden()
+    # No run is in contact: neither button nor menu offers its force.
+    (entry,) = [one for one in made.menus.tab_menu.actions() if "Predict the force" in one.text()]
+    made.menus.tab_menu.aboutToShow.emit()
+    assert not entry.isEnabled()
+    assert not child(made, QPushButton, "predictForce").isEnabled()

@@ -86,6 +86,16 @@ def test_the_banner_names_the_better_model_and_one_click_exchanges_it(
 def test_adding_what_replaces_an_effect_takes_that_one_out(qtbot: QtBot, window: MainWindow) -> None:
     lab = lab_of(window)
     lab.view.candidates.choose("coulomb_friction")
+    assert "⇄: in place of an effect of the model." in lab.view.candidates.set_text.text()
+    shown = lab.view.candidates.view
+    row = shown.visualRect(lab.view.candidates.list.index_of("coulomb_friction"))
+    picture = shown.viewport().grab().toImage()
+    marked, other = (
+        {picture.pixelColor(x, top + y).rgb() for x in range(6, 20) for y in range(3, row.height() - 3)}
+        for top in (row.top(), row.bottom() + 1)
+    )
+    assert len(marked) > 1  # the mark is drawn, and the next row bears none
+    assert len(other) == 1
     click(window, "addToModel")
     qtbot.waitUntil(lambda: lab.controller.history.now.added == ("coulomb_friction",), timeout=PATIENCE)
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from PySide6.QtCore import QEvent, QPoint, QPointF, Qt
-from PySide6.QtGui import QMouseEvent, QWheelEvent
+from PySide6.QtGui import QMouseEvent
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication, QComboBox, QLabel
 from pytestqt.qtbot import QtBot
@@ -30,12 +30,9 @@ def place(plot: ComparisonPlot, part: Any, time: float, value: float) -> QPoint:
 
 
 def wheel(plot: ComparisonPlot, where: QPoint) -> None:
-    glob = QPointF(plot.viewport().mapToGlobal(where))
-    event = QWheelEvent(
-        QPointF(where), glob, QPoint(), QPoint(0, 240), Qt.MouseButton.NoButton, NONE,
-        Qt.ScrollPhase.NoScrollPhase, False,
-    )  # fmt: skip
-    QApplication.sendEvent(plot.viewport(), event)
+    window = plot.window()
+    QTest.wheelEvent(window.windowHandle(), plot.viewport().mapTo(window, where), QPoint(0, 240))
+    QApplication.processEvents()
 
 
 def drag(plot: ComparisonPlot, start: QPoint, stop: QPoint, keys: Qt.KeyboardModifier = NONE) -> None:
@@ -57,7 +54,9 @@ def drag(plot: ComparisonPlot, start: QPoint, stop: QPoint, keys: Qt.KeyboardMod
 def test_wheel_box_and_double_click(opened: MainWindow) -> None:
     plot = lab_of(opened).view.plot
     (left, right), (low, high) = plot.top.viewRange()
+    lab_of(opened).view.candidates.view.setFocus()
     wheel(plot, place(plot, plot.top, 6.0, 0.0))
+    assert plot.hasFocus()  # so that the keys that follow are meant for it
     across, up = plot.top.viewRange()
     assert across[1] - across[0] < 0.9 * (right - left)
     assert up == pytest.approx([low, high])

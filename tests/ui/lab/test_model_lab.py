@@ -54,7 +54,7 @@ def test_opening_through_the_dialog_shows_model_and_measurement(opened: MainWind
 
 def test_a_narrow_head_says_less_and_not_half(opened: MainWindow) -> None:
     name = child(opened, ElidedLabel, "sessionName")
-    whole = "invented.h5 · 3 runs: 3 on air"
+    whole = "invented.h5 · 3 runs: on air"
     assert name.text() == whole == name.toolTip()
     for wording in (whole, "invented.h5 · 3 runs", "invented.h5"):
         name.resize(name.fontMetrics().horizontalAdvance(wording) + 1, name.height())

@@ -60,7 +60,9 @@ def test_two_branches_stand_beside_each_other(branched: MainWindow) -> None:
             for row in range(table.rowCount())}  # fmt: skip
     assert told["Error over all equations, in floors"] == ("1.30", "1.10")
     assert told["MCP friction torque"] == ("5.1 ± 0.9 mN m", "–")
-    assert "6 % larger near zero speed" in child(branched, QLabel, "bothEvidence").text()
+    evidence = child(branched, QLabel, "bothEvidence").text()
+    assert "6 % larger near zero speed" in evidence
+    assert evidence.startswith("A, as it was foretold before the fit with it: ")
     first = child(branched, QComboBox, "modelA")
     first.setFocus()
     QTest.keyClick(first, Qt.Key.Key_Home)  # the nominal model

@@ -91,6 +91,8 @@ def test_the_browser_does_not_show_them_as_found() -> None:
     assert "leaves open, at a plausible strength: tilted base" in verdict_help(verdict)
     found = Verdict("missing_effect", ("gravity_tilt",), 0.9, 1.03, Path("v.parquet"), outdated=False)
     assert verdict_text(found) == "Tilted base\n90 %"
+    either = replace(found, effects=("gravity_tilt", "viscous_friction"))
+    assert verdict_text(either) == "Tilted base or Viscous joint friction\none of 2, 90 %"
     assert "leaves open" not in verdict_help(found)
 
 

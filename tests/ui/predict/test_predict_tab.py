@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtTest import QTest
-from PySide6.QtWidgets import QComboBox, QDoubleSpinBox, QFileDialog, QLabel, QPushButton
+from PySide6.QtWidgets import QComboBox, QDoubleSpinBox, QFileDialog, QLabel, QPushButton, QWidget
 from pytestqt.qtbot import QtBot
 
 from fingerlab.acquisition.control.trajectories import read_trajectory
@@ -134,6 +134,9 @@ def test_models_stand_beside_each_other_in_lines_that_differ(predicted: MainWind
     looks = [one for one, _ in tab.force.shown.values()]
     assert looks[0].style != looks[1].style
     assert looks[0].colour != looks[1].colour
+    # At 60 degrees the force's line has passed the joint, and the force would have to pull.
+    for curve in child(predicted, QWidget, "sweepPlot").getPlotItem().listDataItems():
+        assert np.isfinite(curve.getData()[1]).tolist() == [True] * 4 + [False]
 
 
 def test_unticking_hides_a_model_and_the_other_keeps_its_line(predicted: MainWindow) -> None:

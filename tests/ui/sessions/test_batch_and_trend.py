@@ -171,3 +171,5 @@ def test_a_folder_without_verdicts_says_what_makes_them(
     dialog = tab._trend
     assert not dialog.plot.isVisible()
     assert not dialog.table.isVisible()
+    words = dialog.words
+    assert words.mapTo(dialog, words.rect().bottomLeft()).y() < 0.2 * dialog.height()  # at the top

@@ -11,7 +11,6 @@ from operator import attrgetter
 from typing import NamedTuple, Protocol
 
 from fingerlab.acquisition.control.machine import SetUp
-from fingerlab.acquisition.control.position import BenchUnits, Line
 from fingerlab.acquisition.control.safety import (
     Check,
     EncoderFault,
@@ -26,7 +25,8 @@ from fingerlab.acquisition.control.safety import (
     Safety,
     Stuck,
 )
-from fingerlab.rig.daq import Limits
+from fingerlab.acquisition.control.units import BenchUnits, Line
+from fingerlab.rig.limits import Limits
 
 SENSORS = ("load cell", "MCP sensor", "PIP sensor", "current monitor")
 """In the order of the raw values."""

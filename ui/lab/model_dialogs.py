@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -357,7 +358,7 @@ class SideBySideDialog(QDialog):
             effects, held = self._key(choice)
             before = self._models.get((effects[:-1], held)) if effects else None
             words = evidence_for(effects[-1:], before) if before is not None else ""
-            said.append(f"{name}: {words}" if words else "")
+            said.append(f"{name}, as it was foretold before the fit with it: {words}" if words else "")
         return "\n".join(filter(None, said))
 
 
@@ -381,7 +382,12 @@ def compared(a: Diagnosis, b: Diagnosis) -> list[tuple[str, str, str]]:
         for key in dict.fromkeys((*a.parameters, *b.parameters))
         if _told(key) or key in a.held or key in b.held
     ]
-    return rows + [(parameter_title(key, keys), _estimate(key, a), _estimate(key, b)) for key in keys]
+    titles = {key: parameter_title(key, keys) for key in keys}
+    named = Counter(titles.values())
+    for key, title in titles.items():
+        whose = f" ({in_sentence(effect_title(key.partition('.')[0]))})" if named[title] > 1 else ""
+        rows.append((f"{title}{whose}", _estimate(key, a), _estimate(key, b)))
+    return rows
 
 
 def _estimate(key: str, diagnosis: Diagnosis) -> str:

@@ -1,0 +1,208 @@
+"""How the coefficients of the features follow from the unknowns.
+
+The coefficient of a feature is
+
+    h = -(constant + parameter) * scale * shift weight
+
+with ``scale`` 1, the signed moment arm, its inverse, or the cable's compliance. A delay keeps the motor's
+channels at several shifts; what lies between them is interpolated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from fingerlab.diagnosis.equations.features import (
+    Feature,
+    IntArray,
+    shift_weights,
+    slope_weights,
+)
+from fingerlab.effects.base import Row
+from fingerlab.sessions.model import Array
+
+CABLE_NAMES = {1: "flexion", -1: "extension", 0: "none"}
+DELAY = "delay"
+
+
+def key_of(feature: Feature, cable: str) -> str:
+    """The unknown that multiplies a feature, by the key that values are kept under; empty: none does."""
+    if not feature.parameter:
+        return ""
+    if feature.owner is not None and not feature.borrowed:
+        return f"{feature.owner}.{feature.parameter}"
+    return f"{feature.parameter}@{cable}" if feature.routed else feature.parameter
+
+
+def scale_key(feature: Feature, cable: str) -> str:
+    """The unknown that scales a feature; empty: none does."""
+    if feature.scale == "direct":
+        return ""
+    if feature.scale == "compliance":
+        return "cable_compliance"
+    if feature.scale == "joint":
+        return f"{'arm_mcp' if feature.row == Row.MCP else 'arm_pip'}@{cable}"
+    return f"{feature.scale}@{cable}"
+
+
+@dataclass(frozen=True)
+class Coefficients:
+    """Coefficients of some features, (k,), with their derivatives.
+
+    Attributes:
+        index: place of each unknown among the values, by key.
+        delayed: whether the motor's channels may be late by more than a millisecond.
+    """
+
+    features: Sequence[Feature]
+    index: Mapping[str, int]
+    delayed: bool
+    _tables: dict[tuple[int, ...], _Table] = field(default_factory=dict, repr=False)
+    _routed: dict[int, _Routed] = field(default_factory=dict, repr=False)
+    _scalings: dict[int, tuple[Array, Array, Array]] = field(default_factory=dict, repr=False)
+
+    def of(self, values: Array, cable_signs: tuple[int, ...]) -> Array:
+        """For several groups of runs, (groups, k), told by their cables."""
+        amount, scale, weight, _ = self._parts(self._table(cable_signs), values)
+        return -amount * scale * weight
+
+    def with_jacobian(self, values: Array, cable_signs: tuple[int, ...]) -> tuple[Array, Array]:
+        """The same with their derivatives, (groups, k) and (groups, k, p)."""
+        table = self._table(cable_signs)
+        amount, scale, weight, slopes = self._parts(table, values)
+        turned = np.where(table.inverse, -(scale**2) / table.divisor, table.sign)
+        jacobian = np.zeros((*amount.shape, len(values) + 2))
+        flat = jacobian.reshape(-1, len(values) + 2)
+        flat[table.lines, table.parameter.reshape(-1)] = (-scale * weight).reshape(-1)
+        flat[table.lines, table.scale_by.reshape(-1)] -= (amount * turned * weight).reshape(-1)
+        if table.delay >= 0:
+            late = table.shifted
+            jacobian[:, late, table.delay] -= (amount * scale)[:, late] * slopes[table.shifts]
+        return -amount * scale * weight, jacobian[:, :, : len(values)]
+
+    def per_unit(self, values: Array, cable_sign: int) -> Array:
+        """Coefficient of every feature per unit of its own unknown, (k,).
+
+        Features of the motor's channels, which are kept at several shifts, are not meant.
+        """
+        if cable_sign not in self._scalings:
+            every = [self._scaling(f, cable_sign) for f in self.features]
+            places = np.array([len(values) if place < 0 else place for place, _, _ in every])
+            inverse, sign = np.array([s[1] for s in every]), np.array([s[2] for s in every])
+            self._scalings[cable_sign] = places, inverse, sign
+        places, inverse, sign = self._scalings[cable_sign]
+        scale = np.append(values, 1.0)[places]
+        return np.asarray(-sign * np.where(inverse, 1.0 / np.where(inverse, scale, 1.0), scale))
+
+    def _parts(self, table: _Table, values: Array) -> tuple[Array, Array, Array, Array]:
+        """Amount and scale of the features, (groups, k), the shift's weight, (k,), and its slopes."""
+        padded = np.empty(len(values) + 2)
+        padded[:-2], padded[-2], padded[-1] = values, 0.0, 1.0
+        amount = table.constant + padded[table.parameter]
+        scale = padded[table.scale_by]
+        flat = scale.reshape(-1)
+        flat[table.divides] = 1.0 / flat[table.divides]
+        scale *= table.sign
+        weights, slopes = delay_weights(float(values[table.delay]) if table.delay >= 0 else 0.0, self.delayed)
+        weight = np.ones(len(table.shift))
+        weight[table.shifted] = weights[table.shifts]
+        return amount, scale, weight, slopes
+
+    def _table(self, cable_signs: tuple[int, ...]) -> _Table:
+        if cable_signs not in self._tables:
+            self._tables[cable_signs] = self._made(cable_signs)
+        return self._tables[cable_signs]
+
+    def _made(self, cable_signs: tuple[int, ...]) -> _Table:
+        lines = [self._of_cable(sign) for sign in cable_signs]
+        return _Table(
+            constant=np.array([[f.constant for f in self.features]] * len(cable_signs)),
+            parameter=np.array([line.parameter for line in lines]),
+            scale_by=np.array([line.scale_by for line in lines]),
+            inverse=np.array([line.inverse for line in lines]),
+            sign=np.array([line.sign for line in lines]),
+            shift=np.array([-1 if f.shift is None else f.shift for f in self.features]),
+            delay=self.index.get(DELAY, -1),
+        )
+
+    def _of_cable(self, cable_sign: int) -> _Routed:
+        """What a table says of one group; groups on the same cable have it in common."""
+        if cable_sign not in self._routed:
+            none, cable = max(self.index.values(), default=-1) + 1, CABLE_NAMES[cable_sign]
+            scales = [self._scaling(f, cable_sign) for f in self.features]
+            self._routed[cable_sign] = _Routed(
+                np.array([self.index.get(key_of(f, cable), none) for f in self.features]),
+                np.array([none + 1 if place < 0 else place for place, _, _ in scales]),
+                np.array([inverse for _, inverse, _ in scales]),
+                np.array([sign for _, _, sign in scales]),
+            )
+        return self._routed[cable_sign]
+
+    def _scaling(self, feature: Feature, cable_sign: int) -> tuple[int, bool, float]:
+        """Index of the unknown that scales a feature (-1: none), whether it divides, and sign and factor."""
+        place = self.index.get(scale_key(feature, CABLE_NAMES[cable_sign]), -1)
+        if feature.scale == "direct":
+            return -1, False, feature.factor
+        if feature.scale == "compliance":
+            return place, False, -feature.factor
+        return place, feature.scale == "joint", feature.factor * cable_sign
+
+
+def delay_weights(delay: float, delayed: bool) -> tuple[Array, Array]:
+    """Weights of the kept shifts and of the slope of a channel that is late by ``delay`` (s); their slopes.
+
+    ``delayed``: it may be late by more than a millisecond.
+    """
+    return shift_weights(delay) if delayed else slope_weights(delay)
+
+
+@dataclass(frozen=True)
+class _Routed:
+    """A line of a :class:`_Table`, (k,) each."""
+
+    parameter: IntArray
+    scale_by: IntArray
+    inverse: Array
+    sign: Array
+
+
+@dataclass(frozen=True)
+class _Table:
+    """The features as arrays, (groups, k), for the routing of each group.
+
+    Indices of unknowns point into the vector of values with 0 and 1 appended, so that a feature without an
+    unknown needs no case of its own.
+    """
+
+    constant: Array
+    parameter: IntArray
+    scale_by: IntArray  # index of the unknown that scales the feature: moment arm or compliance
+    inverse: Array  # whether it divides
+    sign: Array
+    shift: IntArray  # (k,), -1 stands for none
+    delay: int  # -1 stands for none
+
+    @cached_property
+    def lines(self) -> IntArray:
+        return np.arange(self.constant.size)
+
+    @cached_property
+    def divisor(self) -> Array:
+        """The sign where there is one."""
+        return np.where(self.sign == 0.0, 1.0, self.sign)
+
+    @cached_property
+    def divides(self) -> IntArray:
+        return np.flatnonzero(self.inverse)
+
+    @cached_property
+    def shifted(self) -> IntArray:
+        return np.flatnonzero(self.shift >= 0)
+
+    @cached_property
+    def shifts(self) -> IntArray:
+        return self.shift[self.shifted]

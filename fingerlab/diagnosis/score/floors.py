@@ -1,0 +1,78 @@
+"""The floor where no motion comes again: what the last model leaves, or a law of the state, if that is less.
+
+Noise and misfit look alike there, and every model was weighed by what it leaves itself. That alone would make
+any last model perfect. So each of its equations is asked what a law of the measured state, which knows no
+physics, would still tell of its residual in runs that the law has not seen. Where it tells much, the residual
+is no noise: the floor is what that law leaves, and the model stands above it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from fingerlab.diagnosis.equations.model import Choice, Model
+from fingerlab.diagnosis.fit.data import Weights
+from fingerlab.diagnosis.gram.reduction import Reduction
+from fingerlab.diagnosis.gram.state_law import left_out_covariance
+from fingerlab.diagnosis.gram.sums import Group
+from fingerlab.diagnosis.score.fitted_model import FittedModel, at_found_shapes
+from fingerlab.diagnosis.score.scorer import Scorer
+from fingerlab.diagnosis.settings import FULL_ITERATIONS, LEAST_STATE_SHARE
+from fingerlab.effects.base import Row
+from fingerlab.sessions.model import Array
+
+
+def weights_at_floor(reduction: Reduction, fitted: FittedModel) -> Weights:
+    """Inverse covariance of the equations' floors, (5, 5) by group, below a model under its own weights.
+
+    Raises:
+        UserError: a run cannot be read. Cancelled: the user asked for it.
+    """
+    effects = at_found_shapes(fitted)
+    reduced = reduction.by_state(effects)
+    scorer = Scorer(replace(reduced, constants=reduction.constants, held=reduction.held))
+    model = scorer.model([Choice(effect) for effect in effects], fitted.model.tip_law)
+    values = np.array([fitted.values[u.key] for u in model.unknowns])
+    found = {}
+    for group in scorer.reduced.groups:
+        weights = fitted.weights[group.key]
+        share = np.ones(5) if group.repeats else _share_of_state(group, model, values)
+        found[group.key] = weights / np.sqrt(np.outer(share, share))
+    return found
+
+
+def scored_in_floors(
+    scorer: Scorer, fitted: Sequence[FittedModel], weights: Weights
+) -> tuple[Scorer, list[FittedModel]]:
+    """Models, fitted and held out under the weights at the floor, and what scores them in its units."""
+    above = scorer.in_floors()
+    again = [above.fit(one.choices, one, FULL_ITERATIONS, weights) for one in fitted]
+    return above, [above.score_held_out(one, residuals=True) for one in again]
+
+
+def _share_of_state(group: Group, model: Model, values: Array) -> Array:
+    """Mean square of what a law of the state leaves of each equation's residual, in that of it all, (5,)."""
+    told, size = model.features(values, group), group.whole.products.shape[0]
+    runs, rows = group.state_products, sorted({int(row) for row in model.rows})
+    if not runs:
+        return np.ones(len(Row))
+    functions = len(runs[0][0]) - size
+    residual = np.zeros((len(runs[0][0]), functions + len(rows)))
+    residual[:functions, :functions] = np.eye(functions)
+    for place, row in enumerate(rows):
+        mine = model.rows == row
+        np.add.at(residual[:, functions + place], functions + model.pick.signals[mine], told[mine])
+    of_rows = [[residual.T @ block @ residual for block in blocks] for blocks in runs]
+    whole = np.diag(sum(sum(blocks) for blocks in of_rows))
+    there = np.flatnonzero(whole[functions:] > 0.0)
+    kept = np.array([*range(functions), *(functions + there)])
+    square = np.ix_(kept, kept)
+    left = left_out_covariance([[block[square] for block in blocks] for blocks in of_rows], len(there))
+    share = np.ones(len(Row))
+    if left is not None:
+        own = whole[functions + there] / max(float(whole[0]), 1.0)
+        share[np.array(rows)[there]] = np.clip(np.diag(left) / own, LEAST_STATE_SHARE, 1.0)
+    return share
