@@ -292,7 +292,7 @@ class Diagnosis:
     ``calibration`` says what the probabilities were learned from, ``odds`` what they were before, and
     ``predicted`` what of the proposed run was.
     ``held``: unknowns that somebody held, by key, and their values, SI; all that is told holds only then.
-    ``fitted``: the model as given, as it was fitted.
+    ``fitted``: the model as given, as it was fitted; ``last``: the one at the end of the path.
     """
 
     sessions: tuple[str, ...]
@@ -325,6 +325,7 @@ class Diagnosis:
     paired: tuple[PairedDifference, ...] = ()
     held: Mapping[str, float] = field(default_factory=dict)
     fitted: FittedModel | None = field(default=None, repr=False, compare=False)
+    last: FittedModel | None = field(default=None, repr=False, compare=False)
 
     def to_json(self) -> dict[str, Any]:
         """The object of ``cli.md``, "diagnose --json", ready for ``json.dumps``."""

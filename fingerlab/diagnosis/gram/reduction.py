@@ -123,6 +123,15 @@ class Reduction:
         runs = self._pairs[:: -(-len(self._pairs) // MOST_LOOKED_AT)]
         return [next(segments_of(run, session.rig)) for session, run in runs]
 
+    def examples(self) -> list[Motion]:
+        """The first stretch of one run of every kind (phase and cable), in reduced units.
+
+        Raises:
+            UserError: a run cannot be read.
+        """
+        kinds = {(run.phase, run.cable): (session, run) for session, run in reversed(self._pairs)}
+        return [next(segments_of(run, session.rig)) for session, run in reversed(kinds.values())]
+
     @cached_property
     def _orders(self) -> tuple[float, ...]:
         """Periods a turn at which the torque of a motor alone repeats with its angle."""
