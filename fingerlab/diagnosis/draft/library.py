@@ -189,6 +189,17 @@ def _of_an_axis(axis: _Axis, second: float) -> Iterator[DraftTerm]:
             travel,
         )
     yield one(
+        "dahl",
+        f"dahl_states({a}, [np.radians(§)])[0]",
+        f"friction of the {what} that builds up over § deg (Dahl)",
+        rf"d({s};\delta)",
+        PURE,
+        ("way since reversal",),
+        speed,
+        True,
+        DRAFT_TRAVELS_DEG[1],
+    )
+    yield one(
         "one_way",
         f"np.maximum({z}, 0.0)",
         f"{way}, forward only",

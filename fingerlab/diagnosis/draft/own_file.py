@@ -16,6 +16,7 @@ from fingerlab.effects.own import own_name
 
 IMPORTS = {
     "sideways_terms": "from fingerlab.effects.joints import sideways_terms",
+    "dahl_states": "from fingerlab.physics.friction_states import dahl_states",
     "first_order_lags": "from fingerlab.physics.friction_states import first_order_lags",
     "friction_state": "from fingerlab.physics.friction_states import friction_state",
     "rubbing_forces": "from fingerlab.physics.friction_states import rubbing_forces",

@@ -19,7 +19,12 @@ from fingerlab.diagnosis.settings import DRAFT_RANGE, STATE_RIDGE
 from fingerlab.diagnosis.signals.scales import Scales
 from fingerlab.effects.base import Effect, Row, Scale, Shape, Term
 from fingerlab.effects.joints import lateral_levers
-from fingerlab.physics.friction_states import first_order_lags, friction_state, rubbing_forces
+from fingerlab.physics.friction_states import (
+    dahl_states,
+    first_order_lags,
+    friction_state,
+    rubbing_forces,
+)
 from fingerlab.physics.motion import Motion
 from fingerlab.physics.parameter import Parameter
 from fingerlab.sessions.model import Array
@@ -167,6 +172,7 @@ def signals(motion: Motion) -> dict[str, Any]:
         "force": zero if motion.force is None else motion.force,
         "load": zero if motion.load is None else motion.load,
         "tension": motion.tension,
+        "dahl_states": dahl_states,
         "first_order_lags": first_order_lags,
         "friction_state": friction_state,
         "rubbing_forces": rubbing_forces,
