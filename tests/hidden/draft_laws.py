@@ -138,7 +138,10 @@ def figures(entries: Sequence[Entry]) -> Iterator[Figure]:
         "... of which other effects of the catalogue explain all",
         _share(e.get("score", 0.0) > REMAINS and not could_show(e) for e in hidden),
     )
-    yield f"left more than {REMAINS:.2f} floors: a law is drafted", _share(bool(e.get("laws")) for e in shown)
+    yield (
+        f"left more than {REMAINS:.2f} floors: a law is drafted",
+        _share(bool(e.get("laws")) for e in shown),
+    )
     yield (
         f"left more than {REMAINS:.2f} floors: at most {WANTED_SCORE} floors with the first law (wanted 80 %)",
         _share(bool(e.get("laws")) and e["laws"][0]["score"] <= WANTED_SCORE for e in shown),
@@ -168,8 +171,8 @@ An effect of the catalogue is put into the simulated bench (rich protocol, at 0.
 strength) and taken out of the catalogue. `diagnose` says what it can with the others; then a law is drafted
 from what the last model leaves. The seeds are none that the library or a threshold was tuned to.
 
-A law is a sum of up to five terms of some 200: functions of motor angle, speed and acceleration, joint angles,
-speeds and accelerations, tension, direction, way since reversal, the past, time, endpoint force, and waves over
+A law is a sum of up to five terms of some 200: functions of motor angle, speed and acceleration, joint
+angles, speeds and accelerations, tension, direction, way since reversal, the past, time, endpoint force, and waves over
 the motor's turn, in the balance of either joint or both, on the motor's side, in the length of cable, and at the
 fingertip. Each is fitted beside all that the bench leaves open and scored on runs left out, as effects are
 (`fingerlab/diagnosis/draft/`). A law is drafted where the last model leaves a squared error of half a floor

@@ -19,7 +19,15 @@ def law(where: str, variables: list[str], score: float, beside: tuple[str, ...] 
 
 
 def entry(effect: str, score: float, last: float, laws: list[dict[str, Any]]) -> dict[str, Any]:
-    return {"effect": effect, "seed": 1, "score": score, "last": last, "path": [], "laws": laws, "seconds": 1.0}
+    return {
+        "effect": effect,
+        "seed": 1,
+        "score": score,
+        "last": last,
+        "path": [],
+        "laws": laws,
+        "seconds": 1.0,
+    }
 
 
 def test_every_effect_has_a_place_and_variables() -> None:
