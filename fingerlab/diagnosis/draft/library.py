@@ -66,7 +66,7 @@ def library(
         "motor", "motion.position", "motion.velocity", "motion.acceleration", "motor", r"\theta_m", 0.3
     )
     yield from _of_an_axis(motor, second)
-    yield from _of_a_load(motor, "motor", "motion.cable_torque", "tension", r"rT", TORQUE)
+    yield from _of_a_load(motor, "motor", "tension * motion.radius", "tension", r"rT", TORQUE)
     yield from _ripple("motor", orders)
     each: list[list[DraftTerm]] = []
     for joint, other, number in (("mcp", "pip", 1), ("pip", "mcp", 2)):

@@ -24,7 +24,9 @@ IMPORTS = {
 """What an expression of the library may need beyond numpy and the motion."""
 NAMES = {
     "q.": "q = motion.joints",
-    "tension": "tension = motion.tension",
+    "tension": (
+        "tension = motion.tension - (motion.motor.inertia or 0.0) * motion.inertial_pull  # less the rotor's"
+    ),
     "force": "force = np.zeros_like(motion.time) if motion.force is None else motion.force",
     "load": "load = np.zeros_like(motion.time) if motion.load is None else motion.load",
 }

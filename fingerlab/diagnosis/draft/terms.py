@@ -171,7 +171,8 @@ def signals(motion: Motion) -> dict[str, Any]:
         "q": motion.joints,
         "force": zero if motion.force is None else motion.force,
         "load": zero if motion.load is None else motion.load,
-        "tension": motion.tension,
+        # What the rotor takes to speed up, the cable never carries.
+        "tension": motion.tension - (motion.motor.inertia or 0.0) * motion.inertial_pull,
         "dahl_states": dahl_states,
         "first_order_lags": first_order_lags,
         "friction_state": friction_state,
