@@ -23,7 +23,7 @@ from fingerlab.diagnosis.signals.scales import reduced_rig, reduced_run
 from fingerlab.diagnosis.signals.segments import segments_of
 from fingerlab.physics.motion import Motion
 from fingerlab.prediction.extended import ExtendedModel, Variant, force_rate
-from fingerlab.prediction.force import forces_of_motion
+from fingerlab.prediction.force import forces_of_motion, wound_beyond
 from fingerlab.prediction.inverse import LEAD_S, TorquePlan, judged_plan, needed_torque, solved_torque
 from fingerlab.prediction.target import ContactPose, WantedForce
 from fingerlab.rig.file import Rig
@@ -71,13 +71,14 @@ class Along:
             )
         # Force and angles are read later than the motor: on their time the motor's channels come late.
         self._delay = variant.values.get("delay", 0.0)
-        self._motion: Motion = motions[0].with_motor_late(self._delay / scales.time)
-        self._time = self._motion.time * scales.time - learned_in(run)
+        motion = motions[0].with_motor_late(self._delay / scales.time)
+        self._time = motion.time * scales.time - learned_in(run)
         self._values = variant.reduced({k: v for k, v in variant.values.items() if k != "delay"}, rig)
         self._effects = [c.alone(scales) for c in variant.effects if c.effect.special != "delay"]
         # Until it begins, the wanted force counts as held where it begins: how the tip rubbed is unknown.
         force = np.interp(self._time, wanted.time, wanted.force)
         self._force = np.maximum(force, 0.0) / scales.of("N")
+        self._motion = self._on_its_zero(motion)
 
     def torque(self) -> tuple[Array, Array]:
         """Torque that presses with the wanted force, and its half width, N m, (n,) each over ``wanted.time``.
@@ -102,6 +103,15 @@ class Along:
         late = np.interp(self._time - self._delay, self._wanted.time, torque)
         force = scales.of("N") * self._predicted(late / scales.torque)
         return np.asarray(np.interp(self._wanted.time, self._time, smooth(force)))
+
+    def _on_its_zero(self, motion: Motion) -> Motion:
+        """With the motor's angle counted as in the runs of the fit: a ripple's phase is told by it.
+
+        The motor's zero is set anew for each session; where a taut cable has the motor tells what it was.
+        """
+        excess = wound_beyond(motion, self._effects, self._values, self._where)
+        shift = float(np.median(excess[self._time >= 0.0]))
+        return replace(motion, position=motion.position - shift, _memory={})
 
     def _predicted(self, torque: Array) -> Array:
         pulled = replace(self._motion, torque=torque, _memory={})

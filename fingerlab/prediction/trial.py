@@ -195,6 +195,10 @@ def _together(name: str, runs: Sequence[TrialRun]) -> ModelForce:
     return ModelForce(name, tuple(runs), rms, peak, runs[0].foretold_rms, math.sqrt(of_scatter), parts)
 
 
+STEEP = 4.0
+"""How sharply friction turns round with the rate of the force, over its rms; assumed."""
+ALIKE = 1e-6
+"""Share of a column below which what is left of it beside others is rounding."""
 CAUSES = {
     "offset": "a constant force",
     "gain": "in proportion to the wanted force",
@@ -207,31 +211,43 @@ CAUSES = {
 
 
 def _parts(mean: Array, wanted: Array, scatter: float, runs: int) -> dict[str, float]:
-    """Shares of the squared error: scatter, then offset, gain, delay and direction of the force one by one.
+    """Shares of the squared error: what differs from run to run, and of their mean one cause after the other.
 
-    Each takes what those before it have left (sequential sums of squares), so that together they are 1.
+    The cause that explains most comes first, and each takes what those before it have left (forward
+    selection, sequential sums of squares), so that together they are 1.
     """
     rate = np.gradient(wanted, 1.0 / WIDE_RATE_HZ)
-    level = np.sqrt(np.mean(rate**2)) or 1.0
+    level = float(np.sqrt(np.mean(rate**2))) or 1.0
     columns = {
-        "offset": np.ones_like(wanted), "gain": wanted - wanted.mean(), "delay": rate,
-        "friction": np.tanh(4.0 * rate / level),
+        "offset": np.ones_like(wanted), "gain": wanted - wanted.mean(), "delay": rate / level,
+        "friction": np.tanh(STEEP * rate / level),
     }  # fmt: skip
-    by_chance = scatter / runs  # of the runs' scatter in their mean
     left, shares = mean.copy(), dict.fromkeys(CAUSES, 0.0)
     basis: list[Array] = []
-    for name, column in columns.items():
-        for one in basis:
-            column = column - (column @ one) / (one @ one) * one
-        if column @ column > 1e-9 * len(column) * float(np.mean(columns[name] ** 2)):
-            basis.append(column)
-            share = (left @ column) / (column @ column) * column
-            shares[name] = float(np.mean(share**2))
-            left = left - share
-    shares["scatter"] = scatter * (1.0 - 1.0 / runs) + min(by_chance, float(np.mean(left**2)))
-    shares["rest"] = max(float(np.mean(left**2)) - by_chance, 0.0)
+    while columns:
+        explained = {name: _projected(left, column, basis) for name, column in columns.items()}
+        best = max(explained, key=lambda name: float(np.mean(explained[name][0] ** 2)))
+        part, direction = explained[best]
+        shares[best], left = float(np.mean(part**2)), left - part
+        basis.append(direction)
+        del columns[best]
+    rest = float(np.mean(left**2))
+    by_chance = min(scatter / runs, rest)  # of the runs' scatter in their mean
+    shares["scatter"] = scatter * (1.0 - 1.0 / runs) + by_chance
+    shares["rest"] = rest - by_chance
     total = sum(shares.values()) or 1.0
     return {name: shares[name] / total for name in CAUSES}
+
+
+def _projected(left: Array, column: Array, basis: Sequence[Array]) -> tuple[Array, Array]:
+    """What a column explains beyond the basis (orthogonal columns), and its part orthogonal to them."""
+    own = column.copy()
+    for one in basis:
+        own -= (own @ one) / max(float(one @ one), 1e-300) * one
+    size = float(own @ own)
+    if size <= ALIKE * float(column @ column):
+        return np.zeros_like(left), np.zeros_like(left)
+    return np.asarray((left @ own) / size * own), own
 
 
 def _interval(nominal: Sequence[float], found: Sequence[float]) -> tuple[float, float]:

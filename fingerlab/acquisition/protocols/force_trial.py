@@ -47,8 +47,8 @@ from fingerlab.sessions.model import Run
 LONGEST_S = 20.0
 """Of a wanted force: so long a run is still in the ring when the next torque is learned from it."""
 MOST_PAIRS = 50
-POSE_HZ, POSE_S = 0.5, 8.0
-"""The motion that tells the pose: slow, with four reversals (assumed)."""
+POSE_HZ, POSE_S = 0.5, 6.0
+"""The motion that tells the pose: slow, with two whole periods after the start (assumed)."""
 HARDER, HARDER_N = 2.0, 0.5
 """A run ends where the fingertip presses with so many times the highest wanted force and so much more, N: a
 model that is wrong by a factor of two still shows by how much, and nothing gives way (assumed)."""
