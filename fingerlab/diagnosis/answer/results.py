@@ -11,6 +11,7 @@ from fingerlab.models.file import ParameterEstimate
 from fingerlab.sessions.model import Array
 
 if TYPE_CHECKING:
+    from fingerlab.diagnosis.answer.budget import Budget
     from fingerlab.diagnosis.score.calibration import CalibratedAnswer, Odds, Predicted
     from fingerlab.diagnosis.score.evidence import Verdict
     from fingerlab.diagnosis.score.fitted_model import FittedModel
@@ -292,6 +293,7 @@ class Diagnosis:
     ``calibration`` says what the probabilities were learned from, ``odds`` what they were before, and
     ``predicted`` what of the proposed run was.
     ``held``: unknowns that somebody held, by key, and their values, SI; all that is told holds only then.
+    ``budget``: what the error of each family of equations is made of.
     ``fitted``: the model as given, as it was fitted.
     """
 
@@ -324,6 +326,7 @@ class Diagnosis:
     predicted: Predicted | None = None
     paired: tuple[PairedDifference, ...] = ()
     held: Mapping[str, float] = field(default_factory=dict)
+    budget: Mapping[str, Budget] = field(default_factory=dict)
     fitted: FittedModel | None = field(default=None, repr=False, compare=False)
 
     def to_json(self) -> dict[str, Any]:
@@ -372,4 +375,5 @@ class Diagnosis:
             "as_good_models": [one.to_json() for one in self.as_good],
             "calibration": None if self.calibration is None else self.calibration.to_json(),
             **({"held": dict(self.held)} if self.held else {}),
+            **({"budget": {name: one.to_json() for name, one in self.budget.items()}} if self.budget else {}),
         }
