@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import sqrt
 
 from fingerlab.core.text import decimals_for, fixed, percent, screen_unit, with_minus
-from fingerlab.diagnosis.answer.budget import Budget, BudgetPart
-from fingerlab.diagnosis.answer.results import Diagnosis
+from fingerlab.diagnosis.answer.results import Budget, BudgetPart, Diagnosis
 from fingerlab.effects import find_effect
 from fingerlab.report.diagnosis_words import FAMILY_TITLES, effect_title, in_sentence, judged_on
 from fingerlab.report.parameter_words import parameter_title
@@ -22,13 +21,6 @@ TITLES = {
     "floor": "Floor",
 }
 """Of the parts that are no effect."""
-
-SHORT_TITLES = {
-    **TITLES,
-    "parameters": "Constants",
-    "calibration": "Calibration",
-    "between_runs": "Run to run",
-}
 
 PART_HELP = {
     "effect": "What the error falls by where this effect joins the model, in the order of the error path.",
@@ -77,26 +69,30 @@ class BudgetTable:
 
 
 @dataclass(frozen=True)
-class Mend:
-    """What a part brings where it is mended.
+class BudgetLine:
+    """One part of one family's squared error.
 
     Attributes:
-        part: title. share: of the squared error. before, after: error (rms) with unit. how: a sentence.
-        orders: the share in other orders of the effects; empty: there is one order.
+        kind: as in ``results.BUDGET_KINDS``. title: in words.
+        tenths: its share in tenths of a per cent; those of a budget sum to 1000. fall: mean square, of the family's unit.
+        orders: the share in other orders of the effects, in per cent; empty: there is one order.
+        after: error (rms) without this part, with unit. how: what mends it, a sentence. help: what it is.
     """
 
-    part: str
-    share: str
-    before: str
+    kind: str
+    title: str
+    tenths: int
+    fall: float
+    orders: str
     after: str
     how: str
-    orders: str
+    help: str
 
 
-def part_title(part: BudgetPart, short: bool = False) -> str:
+def part_title(part: BudgetPart) -> str:
     """``Cable stretch``, ``Floor``."""
     if part.kind != "effect":
-        return (SHORT_TITLES if short else TITLES)[part.kind]
+        return TITLES[part.kind]
     instead = f" for {in_sentence(effect_title(part.removed))}" if part.removed else ""
     return f"{effect_title(part.effect)}{instead}"
 
@@ -107,7 +103,7 @@ def mend_words(part: BudgetPart) -> str:
         one = find_effect(part.effect)
         return "" if one is None else one.mend
     title = parameter_title(part.parameter, [part.parameter]) if part.parameter else "every constant"
-    return MENDS[part.kind].format(in_sentence(title))
+    return MENDS[part.kind].format(in_sentence(title.replace(", off by", "")))
 
 
 def main_family(budgets: Mapping[str, Budget]) -> str:
@@ -138,30 +134,35 @@ def tenths(budget: Budget) -> list[int]:
     return apportioned([1000.0 * part.mean_square / whole for part in budget.parts], 1.0)
 
 
-def mends(budget: Budget) -> list[Mend]:
-    """What is worth mending, first things first."""
-    found = []
-    for part in budget.worth_mending()[:MOST_NAMED]:
-        share = part.mean_square / budget.mean_square
-        if share >= WORTH_NAMING:
-            found.append(
-                Mend(
-                    part_title(part),
-                    percent(share, counted=True),
-                    _error(budget, sqrt(budget.mean_square)),
-                    _error(budget, budget.without(part)),
-                    mend_words(part),
-                    _orders(part, budget.mean_square),
-                )
-            )
-    return found
+def budget_lines(budget: Budget) -> tuple[BudgetLine, ...]:
+    """Every part, in the budget's order."""
+    return tuple(
+        BudgetLine(
+            part.kind,
+            part_title(part),
+            count,
+            part.mean_square,
+            _orders(part, budget.mean_square),
+            _error(budget, budget.without(part)),
+            mend_words(part),
+            PART_HELP[part.kind],
+        )
+        for part, count in zip(budget.parts, tenths(budget), strict=True)
+    )
+
+
+def worth_mending(budget: Budget) -> list[BudgetLine]:
+    """What is worth mending, first things first: not the floor, and nothing that brings next to nothing."""
+    least = max(WORTH_NAMING * budget.mean_square, 1e-300)
+    lines = [one for one in budget_lines(budget) if one.kind != "floor" and one.fall >= least]
+    return sorted(lines, key=lambda one: -one.fall)[:MOST_NAMED]
 
 
 def _orders(part: BudgetPart, whole: float) -> str:
     if part.low is None or part.high is None or part.average is None:
         return ""
     low, high, average = (with_minus(f"{100 * v / whole:.0f}") for v in (part.low, part.high, part.average))
-    return f"{low} to {high} % by the order, {average} % on average"
+    return f"{low} to {high}, mean {average}"
 
 
 def _error(budget: Budget, value: float) -> str:
@@ -177,19 +178,26 @@ def mending_sentence(diagnosis: Diagnosis) -> str:
         return ""
     family = main_family(diagnosis.budget)
     title = in_sentence(FAMILY_TITLES.get(family, family))
-    found = mends(diagnosis.budget[family])
+    budget = diagnosis.budget[family]
+    found = worth_mending(budget)
     if not found:
         return f"Of the error of the {title}, all but the floor is too small to be worth mending."
     first = found[0]
     return (
-        f"Worth mending first: {in_sentence(first.part)}, {first.share} of the squared error of the {title} "
-        f"on {judged_on(diagnosis)}. Without it the error would be {first.after} instead of {first.before}. "
-        f"{first.how}".rstrip()
+        f"Worth mending first: {in_sentence(first.title)}, {_share(first)} of the squared error of the "
+        f"{title} on {judged_on(diagnosis)}. Without it the error would be {first.after} instead of "
+        f"{_error(budget, sqrt(budget.mean_square))}. {first.how}".rstrip()
     )
 
 
-def mend_rows(diagnosis: Diagnosis) -> Sequence[tuple[str, ...]]:
+def _share(one: BudgetLine) -> str:
+    return percent(one.tenths / 1000.0, counted=True)
+
+
+def mend_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     """Part, share, error without it, and what to do: for a table, of the family that is asked for first."""
-    found = mends(diagnosis.budget[main_family(diagnosis.budget)]) if diagnosis.budget else []
-    shares = [f"{one.share} ({one.orders})" if one.orders else one.share for one in found]
-    return [(one.part, share, one.after, one.how) for one, share in zip(found, shares, strict=True)]
+    if not diagnosis.budget:
+        return []
+    found = worth_mending(diagnosis.budget[main_family(diagnosis.budget)])
+    shares = [f"{_share(one)} (in other orders {one.orders})" if one.orders else _share(one) for one in found]
+    return [(one.title, share, one.after, one.how) for one, share in zip(found, shares, strict=True)]

@@ -12,9 +12,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from fingerlab.core.text import ScreenUnit, screen_unit, with_minus
-from fingerlab.diagnosis.answer.budget import Budget
 from fingerlab.diagnosis.answer.results import (
     EQUATION_TITLES,
+    Budget,
     Comparison,
     Diagnosis,
     Failure,
@@ -22,7 +22,7 @@ from fingerlab.diagnosis.answer.results import (
     PathStep,
 )
 from fingerlab.diagnosis.answer.where import COORDINATES, Profile, profile
-from fingerlab.report.budget_words import main_family, part_title, tenths
+from fingerlab.report.budget_words import budget_lines, main_family
 from fingerlab.report.diagnosis_words import (
     FAMILY_TITLES,
     axis_title,
@@ -243,13 +243,11 @@ def budget_figure(budget: Budget, family: str) -> Figure:
 
 def draw_budget(axes: Axes, budget: Budget) -> None:
     """Bars from top to bottom: the whole, then what each part takes away, with its share."""
-    counts = tenths(budget)
-    reached = 100.0
-    bars = [("all", 0.0, 100.0, RESIDUAL)]
-    for part, count in zip(budget.parts, counts, strict=True):
-        colour = {"effect": CANDIDATE, "floor": FLOOR}.get(part.kind, MODELLED)
-        bars.append((part_title(part), reached - 0.1 * count, 0.1 * count, colour))
-        reached -= 0.1 * count
+    reached, bars = 100.0, [("All of it", 0.0, 100.0, RESIDUAL)]
+    for one in budget_lines(budget):
+        colour = {"effect": CANDIDATE, "floor": FLOOR}.get(one.kind, MODELLED)
+        bars.append((one.title, reached - 0.1 * one.tenths, 0.1 * one.tenths, colour))
+        reached -= 0.1 * one.tenths
     for place, (_, low, size, colour) in enumerate(reversed(bars)):
         axes.barh(place, size, 0.6, low, color=colour)
         axes.annotate(

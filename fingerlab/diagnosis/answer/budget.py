@@ -19,24 +19,19 @@ for each is cut where nothing is left to take from.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import combinations
-from math import comb, sqrt
-from typing import Any, Literal
+from math import comb
 
 import numpy as np
 
 from fingerlab.diagnosis.answer.errors import equation_errors, told_by_equations
-from fingerlab.diagnosis.answer.results import EquationError, PathStep
+from fingerlab.diagnosis.answer.results import Budget, BudgetPart, EquationError, PathStep
 from fingerlab.diagnosis.equations.parameters import CABLE_OFFSET, LOSSES, TORQUE_ZERO
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.settings import FULL_ITERATIONS
 from fingerlab.sessions.model import Array
-
-Kind = Literal["effect", "parameters", "calibration", "between_runs", "floor", "unknown"]
-KINDS: tuple[Kind, ...] = ("effect", "unknown", "parameters", "calibration", "between_runs", "floor")
-"""In the order in which parts stand in a figure, those of the path first."""
 
 CALIBRATION = frozenset(
     {"torque_gain", TORQUE_ZERO, "force_gain", "load_gain", *LOSSES, CABLE_OFFSET, "delay", "bench_offset"}
@@ -46,66 +41,6 @@ shows as a constant torque) and of the motor, and the clock between the channels
 
 MOST_ORDERED = 4
 """Effects whose every order is tried: each further one doubles the models that have to be fitted."""
-
-
-@dataclass(frozen=True)
-class BudgetPart:
-    """One part of a mean squared error.
-
-    Attributes:
-        kind: one of ``KINDS``. effect: id of what the path adds, where it is an effect. removed: id of the
-            one that it replaces.
-        mean_square: of the family's unit; all of a family sum to the whole.
-        low, high: least and most that the error falls by, whatever the order in which effects are added, and
-            average: over all orders; None: there is one order, or too many.
-        parameter: key of the unknown whose uncertainty weighs most, of parameters and calibration.
-    """
-
-    kind: Kind
-    mean_square: float
-    effect: str = ""
-    removed: str = ""
-    low: float | None = None
-    high: float | None = None
-    average: float | None = None
-    parameter: str = ""
-
-
-@dataclass(frozen=True)
-class Budget:
-    """Parts of one family's mean squared error, by ``KINDS``; those of the path in its order.
-
-    ``unit`` is the family's; ``mean_square`` the square of the error that the answer tells.
-    """
-
-    unit: str
-    mean_square: float
-    parts: tuple[BudgetPart, ...]
-
-    def without(self, part: BudgetPart) -> float:
-        """Root mean square of the error with this part mended, in ``unit``."""
-        return sqrt(max(self.mean_square - part.mean_square, 0.0))
-
-    def worth_mending(self) -> list[BudgetPart]:
-        """All that could be mended, largest first; not the floor, and nothing that brings no fall."""
-        found = [part for part in self.parts if part.kind != "floor" and part.mean_square > 0.0]
-        return sorted(found, key=lambda part: -part.mean_square)
-
-    def to_json(self) -> dict[str, Any]:
-        """Plain data; ``rmse_without`` is what each part, mended, would leave."""
-        return {
-            "unit": self.unit,
-            "mean_square": self.mean_square,
-            "rmse": sqrt(self.mean_square),
-            "parts": [
-                {name: value for name, value in vars(part).items() if value not in ("", None)}
-                | {
-                    "share": part.mean_square / max(self.mean_square, 1e-300),
-                    "rmse_without": self.without(part),
-                }
-                for part in self.parts
-            ],
-        }
 
 
 def error_budget(
