@@ -74,7 +74,8 @@ class BudgetLine:
 
     Attributes:
         kind: as in ``results.BUDGET_KINDS``. title: in words.
-        tenths: its share in tenths of a per cent; those of a budget sum to 1000. fall: mean square, of the family's unit.
+        tenths: its share in tenths of a per cent; those of a budget sum to 1000.
+        fall: mean square, of the family's unit.
         orders: the share in other orders of the effects, in per cent; empty: there is one order.
         after: error (rms) without this part, with unit. how: what mends it, a sentence. help: what it is.
     """
