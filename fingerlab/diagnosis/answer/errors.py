@@ -29,7 +29,7 @@ from fingerlab.diagnosis.answer.wording import residual_offsets
 from fingerlab.diagnosis.equations.coefficients import CABLE_NAMES
 from fingerlab.diagnosis.equations.features import FORCE, SHIFTS_S
 from fingerlab.diagnosis.equations.model import Choice
-from fingerlab.diagnosis.fit.noise import floor_covariance
+from fingerlab.diagnosis.fit.noise import floor_covariance, misfit_floor
 from fingerlab.diagnosis.fit.solver import Fit, Fitter
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.gram.sums import Group, Reduced
@@ -235,7 +235,7 @@ def left_aside(reduction: Reduction, reduced: Reduced, fitted: FittedModel) -> t
 
 def _shares_of_rows(fitted: FittedModel, group: Group) -> dict[Row, float]:
     """Share of a group's misfit that each of its equations has; together 1."""
-    noise = floor_covariance(fitted.model, fitted.fit.values, group, fitted.weights[group.key])
+    noise = misfit_floor(fitted.model, fitted.fit.values, group, fitted.weights[group.key])
     weights = fitted.weights[group.key]
     missed = np.maximum(np.einsum("ij,ij->i", weights, fitted.residuals[group.key] - noise), 0.0)
     rows = [row for row in Row if weights[row, row] > 0]
