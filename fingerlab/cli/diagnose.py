@@ -27,6 +27,7 @@ from fingerlab.core.files import refuse_taken
 from fingerlab.core.progress import second_process
 
 if TYPE_CHECKING:
+    from rich.console import Console
     from rich.table import Table
 
     from fingerlab.diagnosis.answer.results import Diagnosis
@@ -57,6 +58,9 @@ if TYPE_CHECKING:
     type=PATH,
     help="Draw the error path, where the model fails, and the effects' fingerprints into a folder.",
 )
+@click.option(
+    "--budget", is_flag=True, help="Tell what each error is made of, and what on the bench would mend it."
+)
 @json_option
 def diagnose(
     sessions: tuple[Path, ...],
@@ -64,6 +68,7 @@ def diagnose(
     held: tuple[str, ...],
     model_file: Path | None,
     figures: Path | None,
+    budget: bool,
     json_target: str | None,
 ) -> None:
     """Compare model and measurement, rank the effects of the catalogue, and say which is missing.
@@ -88,7 +93,7 @@ def diagnose(
     effects = added or result.final_model
     saved = None if model_file is None else (_model(opened, effects, fixed), model_file)
     if json_target != "-":
-        _print(result, _as_an_arc(opened[0]))
+        _print(result, _as_an_arc(opened[0]), budget)
     drawn = None
     if figures is not None:
         from fingerlab.report.diagnosis_figures import diagnosis_figures
@@ -134,10 +139,10 @@ def _as_an_arc(session: Session) -> str:
     )
 
 
-def _print(result: Diagnosis, arc: str) -> None:
+def _print(result: Diagnosis, arc: str, budget: bool) -> None:
     """The answer on the terminal, made to fit 80 columns: verdict first, then what it rests on.
 
-    ``arc``: what is to be said of a linear axis.
+    ``arc``: what is to be said of a linear axis. ``budget``: whether what errors are made of is wanted.
     """
     from rich.text import Text
 
@@ -150,6 +155,8 @@ def _print(result: Diagnosis, arc: str) -> None:
     if result.score_parts:
         console.print(Text(score_words(result)))
     console.print()
+    if budget:
+        _print_budget(console, result)
     console.print(_ranking(result))
     console.print(f"error: with that effect in the model{'; * cannot be ruled out' if result.set else ''}\n")
     if arc:
@@ -178,6 +185,27 @@ def _print(result: Diagnosis, arc: str) -> None:
         console.print(Text(hidden))
     console.print(Text(words.calibration_sentence(result), style="dim"))
     console.print(Text(f"{result.seconds:.1f} s", style="dim"))
+
+
+def _print_budget(console: Console, result: Diagnosis) -> None:
+    """Every part of each error, then what is worth mending."""
+    from rich.text import Text
+
+    from fingerlab.report.budget_words import budget_table, mend_rows, mending_sentence
+
+    told = budget_table(result.budget)
+    if told is None:
+        return
+    columns = ("part", *(f">{title.lower()}" for title in told.families))
+    table = result_table(*columns, box=None, pad_edge=False, title="Of the squared error, %", title_style="")
+    for row in told.rows:
+        table.add_row(row.title, *row.shares)
+    table.add_row("error (rms)", *told.errors)
+    console.print(table)
+    console.print(Text(mending_sentence(result)))
+    for title, share, after, how in mend_rows(result)[1:]:
+        console.print(Text(f"- {title}, {share}: {after} without it. {how}"))
+    console.print()
 
 
 def _how_to_add(result: Diagnosis) -> str:

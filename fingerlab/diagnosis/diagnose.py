@@ -14,6 +14,7 @@ from threadpoolctl import threadpool_limits
 
 from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress
+from fingerlab.diagnosis.answer.budget import error_budget
 from fingerlab.diagnosis.answer.errors import equation_errors, held_out_runs, left_aside, score_parts
 from fingerlab.diagnosis.answer.results import (
     Candidate,
@@ -243,6 +244,7 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
     alone = len(reduction.runs) == 1
     candidates = _candidates(evidence, told, chosen, loose, prints, closer, replaced, alone)
     following = _next_run(sessions, scorer, evidence, chosen, usual)
+    steps = _path_steps(path, found.better)
     return Diagnosis(
         sessions=tuple(str(s.path) for s in sessions),
         model=tuple(e.id for e in question.given),
@@ -251,7 +253,7 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
         verdict=verdict,
         candidates=candidates,
         set=tuple(evidence.candidates[i].last_effect.id for i in chosen),
-        path=_path_steps(path, found.better),
+        path=steps,
         final_model=tuple(path[-1].effect_ids),
         next_experiment=None if following is None else following.told,
         seconds=time.perf_counter() - started,
@@ -274,6 +276,7 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
         bench=bench_findings(reduction, path[-1], by_last.run_offsets(path[-1])),
         better=None if found.better is None else _other_model(question.given, found.better),
         as_good=tuple(_other_model(question.given, one) for one in _as_good(found)),
+        budget=error_budget(evidence.base, errors, steps, path, by_last),
     )
 
 

@@ -341,6 +341,12 @@ DIALOGS = (
         "model_lab",
     ),
     Surface(
+        "What would mend the error",
+        (lambda s: s.tab("model_lab").view.show_budget(),),
+        ("lab/budget.py:BudgetDialog",),
+        "model_lab",
+    ),
+    Surface(
         "Models side by side",
         (lambda s: s.tab("model_lab").view.show_side_by_side(),),
         ("lab/model_dialogs.py:SideBySideDialog",),

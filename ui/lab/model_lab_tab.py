@@ -127,6 +127,7 @@ class ModelLabTab(Tab):
             Command("Next run", lambda: self.view.bar.step_run(1), "Alt+Down", compared),
             Command("Previous run", lambda: self.view.bar.step_run(-1), "Alt+Up", compared),
             Command("What the &error is made of…", lambda: self.view.show_score_parts(), "F7", compared),
+            Command("What would &mend the error…", lambda: self.view.show_budget(), "Shift+F7", compared),
             Command("Whole run", lambda: self.view.plot.show_all(), "Alt+Home", compared),
             Command(
                 "&Fit the heights to what is shown", lambda: self.view.plot.fit_heights(), None, compared

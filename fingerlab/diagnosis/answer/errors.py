@@ -76,31 +76,43 @@ def _families(
     reduced: Reduced, fitted: FittedModel, group: Group, residual: Array, noise: Array
 ) -> dict[str, tuple[float, float, float]]:
     """For each family: mean square of the residual, of the noise, and variance of what was measured."""
+    result = {}
+    for family, (told, measured) in told_by_equations(reduced, fitted, group).items():
+        result[family] = (float((told * residual).sum()), float((told * noise).sum()), measured)
+    return result
+
+
+def told_by_equations(reduced: Reduced, fitted: FittedModel, group: Group) -> dict[str, tuple[Array, float]]:
+    """By what products of the equations' residuals make the square of each family's, and its variance.
+
+    (5, 5) over ``Row``, and N^2, m^2 or (N m)^2: a joint's torque is a tension times its arm, the motor's
+    the mean of both tensions, the force the PIP joint's torque over its lever.
+    """
     if group.on_bench:
-        measured = _variance(reduced, group, Row.BENCH, None)
-        return {"motor_torque": (residual[3, 3], noise[3, 3], measured)}
+        return {"motor_torque": (_squares({Row.BENCH: 1.0}), _variance(reduced, group, Row.BENCH, None))}
     radius = reduced.radius
     routing = CABLE_NAMES[group.cable_sign]
     values = fitted.values
     a, b = values[f"arm_mcp@{routing}"], values[f"arm_pip@{routing}"]
     pull = _variance(reduced, group, Row.MCP, SHIFTS_S.index(0.0))
     wound = _variance(reduced, group, Row.CABLE, SHIFTS_S.index(0.0))
-
-    def joint(c: Array) -> float:
-        return float(0.5 * (a**2 * c[0, 0] + b**2 * c[1, 1]))
-
-    def motor(c: Array) -> float:
-        return float(radius**2 * 0.25 * (c[0, 0] + c[1, 1] + 2 * c[0, 1]))
-
+    motor = np.zeros((5, 5))
+    motor[np.ix_([Row.MCP, Row.PIP], [Row.MCP, Row.PIP])] = 0.25 * radius**2
     result = {
-        "joint_torque": (joint(residual), joint(noise), 0.5 * (a**2 + b**2) * pull),
-        "cable_kinematics": (residual[2, 2], noise[2, 2], wound),
-        "motor_torque": (motor(residual), motor(noise), radius**2 * pull),
+        "joint_torque": (_squares({Row.MCP: 0.5 * a**2, Row.PIP: 0.5 * b**2}), 0.5 * (a**2 + b**2) * pull),
+        "cable_kinematics": (_squares({Row.CABLE: 1.0}), wound),
+        "motor_torque": (motor, radius**2 * pull),
     }
     lever, force = _contact(reduced, group)
     if lever > 0:
-        scale = (b / lever) ** 2
-        result["endpoint_force"] = (scale * residual[1, 1], scale * noise[1, 1], force)
+        result["endpoint_force"] = (_squares({Row.PIP: (b / lever) ** 2}), force)
+    return result
+
+
+def _squares(of: Mapping[Row, float]) -> Array:
+    result = np.zeros((5, 5))
+    for row, weight in of.items():
+        result[row, row] = weight
     return result
 
 

@@ -174,9 +174,18 @@ def row_covariance(
     h = model.features(values, group)
     if only is not None:
         h = np.where(only, h, 0.0)
-    spread = np.zeros((len(h), len(Row)))
-    spread[np.arange(len(h)), model.rows] = h
-    return np.asarray(spread.T @ products @ spread / max(samples, 1.0))
+    return products_of_rows(model, h, products) / max(samples, 1.0)
+
+
+def products_of_rows(model: Model, told: Array, products: Array) -> Array:
+    """Products of the equations' residuals, (5, 5).
+
+    Args:
+        told: coefficients of the model's active features, (k,). products: of these features, (k, k).
+    """
+    spread = np.zeros((len(told), len(Row)))
+    spread[np.arange(len(told)), model.rows] = told
+    return np.asarray(spread.T @ products @ spread)
 
 
 def noise_covariance(model: Model, values: Array, group: Group) -> Array:
