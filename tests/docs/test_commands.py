@@ -32,7 +32,7 @@ NOT_RUN = {
     "it moves a motor in real time",
 }
 """The reasons for which a command may be left out."""
-MOST_LEFT_OUT = 12
+MOST_LEFT_OUT = 13
 RUN_ELSEWHERE = {
     "mkdocs": ("tests/docs/test_documents.py", "build.build(config)"),
     "pip install": (".ci/run", "start.py"),  # the starter installs what these lines name
@@ -60,6 +60,7 @@ RUN_ELSEWHERE = {
 TAKES_HOURS = (
     *("benchmarks", "docs/screenshots.py", "packaging/lock.py"),
     *("tests.faults.stops", "tests.faults.sweep", "tests.hidden.sweep", "tests.hidden.as_built"),
+    "tests.hidden.feed_forward",
 )
 """Programs that measure for hours, draw all pictures, or ask the network: they exist, with their options."""
 
