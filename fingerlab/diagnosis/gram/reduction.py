@@ -290,6 +290,7 @@ class Reduction:
             start += layout.signal_count
         whole = _joined(*layouts.values())
         dealt, places = deal_runs(runs)
+        motions = _shared(self.motions)
         groups: dict[GroupKey, Group] = {}
         seen: list[Senses] = []
         facts: list[Facts] = []
@@ -301,7 +302,7 @@ class Reduction:
             key = group_key(run)
             if key not in groups:
                 groups[key] = _empty_group(run, whole, dealt[key])
-            _add(groups[key], places[number], sums, number)
+            _add(groups[key], places[number], sums, number, motions[number])
             seen += sums.senses
             facts += [] if sums.facts is None else [sums.facts]
             self.repairs[number], self.samples[number] = sums.repairs, sums.samples
@@ -399,13 +400,18 @@ def reduce_sessions(
     return Reduction(sessions, scales=scales).of(effects, watch)
 
 
+def _shared(motions: Sequence[int | None]) -> list[int | None]:
+    """Those that several runs were told, for each run; None: no other was."""
+    return [motion if motions.count(motion) > 1 else None for motion in motions]
+
+
 def _empty_group(run: Run, layout: Layout, dealt: list[Fold]) -> Group:
     size = layout.signal_count
     folds = [empty(size) for _ in dealt]
     return Group(group_key(run), run.cable_sign, folds, np.zeros((size, size)), dealt=dealt)
 
 
-def _add(group: Group, k: int, found: RunSums, number: int) -> None:
+def _add(group: Group, k: int, found: RunSums, number: int, motion: int | None) -> None:
     """Add the run of this number to fold ``k`` of its group."""
     fold = group.folds[k]
     fold.runs.append(found.run)
@@ -419,6 +425,8 @@ def _add(group: Group, k: int, found: RunSums, number: int) -> None:
         whole = np.zeros((len(group.noise), trend.shape[1]))
         whole[live] = trend
         group.trends.setdefault((group.dealt[k].condition, number), []).append(whole)
+    for cycle in found.cycles if motion is not None else ():
+        group.cycles.setdefault((motion, cycle.stretch), []).append(cycle)
     group.encoder_variance = max(group.encoder_variance, found.encoder_variance)
     group.state_products += [found.state_products] if found.state_products else []
 
