@@ -209,7 +209,14 @@ def run_shares(
                         )
                     )  # fmt: skip
         parts += _parts_of_motions([run for _, run in runs], group, of_rows, left, every)
-    return tuple(shares), tuple(parts)
+    return _none_below_zero(shares), tuple(parts)
+
+
+def _none_below_zero(shares: Sequence[RunShare]) -> tuple[RunShare, ...]:
+    """The shares with none below zero, as where a run left less than noise would; their sum stays."""
+    whole = sum(one.share for one in shares)
+    kept = whole / sum(max(one.share, 0.0) for one in shares)
+    return tuple(replace(one, share=kept * max(one.share, 0.0)) for one in shares)
 
 
 def _parts_of_motions(
@@ -296,7 +303,8 @@ def _shares_of_rows(fitted: FittedModel, group: Group) -> list[dict[Row, float]]
     """Share of each fold's misfit that each of its equations has; together 1."""
     noise = floor_covariance(fitted.model, fitted.fit.values, group, fitted.weights[group.key])
     weights = fitted.weights[group.key]
-    rows = [row for row in Row if weights[row, row] > 0]
+    # Where the tip is, an equation says in contact alone.
+    rows = [row for row in Row if weights[row, row] > 0 and (row != Row.TIP or group.in_contact)]
     found = []
     for fold, residuals in zip(group.folds, fitted.folds[group.key].residuals, strict=True):
         mean = residuals / max(fold.samples, 1)
