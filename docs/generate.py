@@ -115,6 +115,7 @@ def _effect_page(effect: Effect) -> str:
     parts += ["## How it shows", *_fingerprint(effect)]
     parts += ["## How to tell", f"What reveals it: {effect.reveal}."]
     parts += _look_alikes(formula.alike)
+    parts += ["## What mends it", effect.mend]
     parts += _behaviour(effect)
     return "\n\n".join(parts) + "\n"
 

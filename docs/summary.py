@@ -27,6 +27,7 @@ def summary(folder: Path) -> str:
             _as_built,
             _hidden,
             _wrong,
+            _drafted,
             _probabilities,
             _foretold,
             _replicate,
@@ -75,6 +76,12 @@ def _wrong(folder: Path) -> Iterator[str]:
     _, rows = table(folder / "wrong-additions.md", "what", "figure")
     for what, figure, *_ in rows:
         yield _line(what, figure, "wrong-additions.md", "Wrong additions")
+
+
+def _drafted(folder: Path) -> Iterator[str]:
+    _, rows = table(folder / "draft-laws.md", "what", "figure")
+    for what, figure in rows:
+        yield _line(f"effects left out of the catalogue: {what}", figure, "draft-laws.md", "Drafted laws")
 
 
 def _probabilities(folder: Path) -> Iterator[str]:

@@ -166,6 +166,7 @@ def _effect_json(effect: Effect, file: str | None) -> dict[str, Any]:
         "coordinate": effect.coordinate,
         "explanation": effect.explanation,
         "reveal": effect.reveal,
+        "mend": effect.mend,
         "parameters": gains,
         "grid": grid,
     }

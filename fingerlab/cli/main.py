@@ -36,6 +36,7 @@ COMMANDS = {
     "fit": ("fingerlab.cli.fit:fit", "Fit moment arms and friction losses."),
     "predict": ("fingerlab.cli.predict:predict", "Predict the endpoint force of contact runs."),
     "inverse": ("fingerlab.cli.predict:inverse", "Give the motor torque that a wanted force needs."),
+    "trial": ("fingerlab.cli.trial:trial", "Tell by how much a found model lowered the force error."),
     "diagnose": ("fingerlab.cli.diagnose:diagnose", "Tell which physical effect the model is missing."),
     "compare": ("fingerlab.cli.compare:compare", "Compare saved models on the same held-out runs."),
     "batch": ("fingerlab.cli.batch:batch", "Diagnose every session below a folder."),

@@ -11,7 +11,15 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from fingerlab.cli.common import Within, asked_device, counted, json_option, progress_bar, write_json
+from fingerlab.cli.common import (
+    PATH,
+    Within,
+    asked_device,
+    counted,
+    json_option,
+    progress_bar,
+    write_json,
+)
 from fingerlab.cli.record_session import Events
 from fingerlab.cli.simulate import PROTOCOL_HELP, TRAJECTORY_HELP, ProtocolName, protocol_plans, single_plan
 from fingerlab.core.errors import UserError
@@ -23,6 +31,7 @@ if TYPE_CHECKING:
     from fingerlab.acquisition.control.position import Gains
     from fingerlab.acquisition.protocols.driver import Beginning
     from fingerlab.acquisition.protocols.script import Order
+    from fingerlab.acquisition.protocols.steps import Step
     from fingerlab.devices.choosing import DeviceChoice
     from fingerlab.models.file import Model
     from fingerlab.rig.file import Rig
@@ -102,6 +111,40 @@ FORCE = Within(min=0.05, max=50.0)
     metavar="nominal|MODEL.json",
     help="Tell among --events by how much this model misses torque (N m) and force (N).",
 )
+@click.option(
+    "--feed-forward",
+    "feed_model",
+    metavar="M.json",
+    type=PATH,
+    help="In place of a protocol: send the torque that --wanted needs by this model ('diagnose --save').",
+)
+@click.option(
+    "--wanted",
+    metavar="FILE|JSON",
+    help="Endpoint force for --feed-forward: a table of time (s) and force (N), or JSON as for 'inverse'.",
+)
+@click.option(
+    "--ab",
+    "pairs",
+    default=0,
+    type=click.IntRange(0, 50),
+    metavar="N",
+    help="Nominal against found model, N runs each in pairs, in random order (drawn by --seed).",
+)
+@click.option(
+    "--variant",
+    default="found",
+    show_default=True,
+    type=click.Choice(["found", "nominal"]),
+    help="Model that is sent without --ab, --runs times.",
+)
+@click.option(
+    "--most-correction",
+    default=0.5,
+    show_default=True,
+    type=Within(min=0.01, max=1.0),
+    help="Share of the rig's limit of torque by which the found torque may leave the nominal one.",
+)
 @click.option("--yes", is_flag=True, help="Ask nobody about cable and bench: on the simulated rig alone.")
 @click.option("--real-time", is_flag=True, help="Let the simulated rig run in real time, as a card does.")
 @click.option("--seed", type=click.IntRange(min=0), default=0, help="Which simulated bench.")
@@ -116,7 +159,6 @@ def record(out: Path, json_target: str | None, **options: Any) -> None:
     What has been recorded is safe at every moment: a recording that was cut is repaired when it is opened.
     The simulated rig runs as fast as it can, unless it is asked for real time.
     """
-    from fingerlab.acquisition.protocols.steps import plan_steps, steps_from
     from fingerlab.cli.record_session import Told, take
     from fingerlab.devices.choosing import REPLAY
 
@@ -128,13 +170,12 @@ def record(out: Path, json_target: str | None, **options: Any) -> None:
         raise UserError("--out, --json and --events name the same file; give each its own.")
     if json_target == options["events"] == "-":
         raise UserError("--json and --events cannot both have standard output; give one of them a file.")
-    name, plans = _plans(options)
+    name, steps = ("feed-forward", None) if _feeds(options) else _planned(options)
     angles, beginning = _angles(options), _beginning(options)
     orders, model = _orders(options["commands"]), _model(options["compare"])
     choice = _choice(options)
     if choice.kind == REPLAY:
         raise UserError("A replay has been recorded already; record from 'simulated' or from a card.")
-    steps = steps_from(plan_steps(plans, options["force"], options["rest"]), options["from_run"])
     simulated = choice.kind == "simulated"
     if not simulated and (options["effects"] or options["hidden"]):  # a real motor is not what was meant
         raise UserError(
@@ -153,6 +194,9 @@ def record(out: Path, json_target: str | None, **options: Any) -> None:
         bench, rig, attributes = _open(choice, options, simulated)
         stack.callback(bench.close)
         attributes |= {k: v for k in ("operator", "notes") if (v := options[k])}
+        if steps is None:
+            steps, more = _trial_steps(options, rig)
+            attributes |= more
         told = Told(
             out=out,
             name=name,
@@ -171,6 +215,52 @@ def record(out: Path, json_target: str | None, **options: Any) -> None:
     click.echo(f"{counted(runs, 'run')}, {samples} samples, written to {path}.", err=True)
     if json_target is not None:
         write_json(result, json_target)
+
+
+def _feeds(options: Mapping[str, Any]) -> bool:
+    """Whether a feed-forward is asked for.
+
+    Raises:
+        UserError: it is, and something that does not go with it.
+    """
+    if options["feed_model"] is None:
+        if options["wanted"] or options["pairs"]:
+            raise UserError("--wanted and --ab go with --feed-forward; name the model's file there.")
+        return False
+    others = ("protocol", "trajectory", "phase", "cable", "then_contact", "trigger")
+    named = [f"--{name.replace('_', '-')}" for name in others if options[name] is not None]
+    named += ["--from-run"] * (options["from_run"] > 1) + ["--pre-trigger"] * (options["pre_trigger"] > 0)
+    if named:
+        raise UserError(f"--feed-forward has runs of its own; leave out {', '.join(named)}.")
+    if not options["wanted"]:
+        raise UserError("--wanted is missing; give the endpoint force that --feed-forward is to make.")
+    if options["pairs"] and options["runs"] > 1:
+        raise UserError("--ab says how many runs there are of each model; leave out --runs.")
+    return True
+
+
+def _planned(options: Mapping[str, Any]) -> tuple[str, tuple[Step, ...] | None]:
+    """Name and steps of a protocol or of single runs."""
+    from fingerlab.acquisition.protocols.steps import plan_steps, steps_from
+
+    name, plans = _plans(options)
+    return name, steps_from(plan_steps(plans, options["force"], options["rest"]), options["from_run"])
+
+
+def _trial_steps(options: Mapping[str, Any], rig: Rig) -> tuple[tuple[Step, ...], dict[str, Any]]:
+    """Steps of a feed-forward, and what the session is to say of it."""
+    from fingerlab.acquisition.protocols.force_trial import ForceTrial, TrialSettings
+    from fingerlab.twin.protocols import load_preset
+
+    amplitude = load_preset(options["preset"]).numbers["protocol"]["contact_amplitude_deg"]
+    trial = ForceTrial(
+        TrialSettings(
+            options["feed_model"], options["wanted"], options["pairs"], options["runs"], options["variant"],
+            options["seed"], options["force"], amplitude, options["rest"], options["most_correction"],
+        ),
+        rig,
+    )  # fmt: skip
+    return trial.steps(), trial.attributes
 
 
 def _angles(options: Mapping[str, Any]) -> dict[str, float]:

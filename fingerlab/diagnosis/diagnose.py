@@ -14,6 +14,7 @@ from threadpoolctl import threadpool_limits
 
 from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress
+from fingerlab.diagnosis.answer.budget import error_budget
 from fingerlab.diagnosis.answer.errors import equation_errors, held_out_runs, run_asides, run_shares
 from fingerlab.diagnosis.answer.results import (
     Candidate,
@@ -249,6 +250,7 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
     each_share, parts = run_shares(pairs, scorer.reduced, evidence.base)
     each_aside, asides = run_asides(reduction, scorer.reduced, evidence.base)
     following = _next_run(sessions, scorer, evidence, chosen, usual)
+    steps = _path_steps(path, found.better)
     return Diagnosis(
         sessions=tuple(str(s.path) for s in sessions),
         model=tuple(e.id for e in question.given),
@@ -257,7 +259,7 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
         verdict=verdict,
         candidates=candidates,
         set=tuple(evidence.candidates[i].last_effect.id for i in chosen),
-        path=_path_steps(path, found.better),
+        path=steps,
         final_model=tuple(path[-1].effect_ids),
         next_experiment=None if following is None else following.told,
         seconds=time.perf_counter() - started,
@@ -279,9 +281,11 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
         paired=_paired(question.reduction, scorer, evidence, chosen),
         held=dict(reduction.held),
         fitted=evidence.base,
+        last=path[-1],
         bench=bench_findings(reduction, path[-1], by_last.run_offsets(path[-1])),
         better=None if found.better is None else _other_model(question.given, found.better),
         as_good=tuple(_other_model(question.given, one) for one in _as_good(found)),
+        budget=error_budget(evidence.base, errors, steps, path, by_last),
     )
 
 

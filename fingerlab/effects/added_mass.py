@@ -39,6 +39,7 @@ EFFECT = Effect(
     equation=Row.MCP,
     explanation="The missing torques are those of more weight and inertia on the finger.",
     reveal="a chirp up to 3 Hz",
+    mend="Weigh screws, magnets and covers and enter them in the rig file, or take them off.",
     shapes=tuple({"place": value} for value in (0.0, 0.5, 1.0)),
     shape_units={"place": "of the distal length"},
     formula=Formula(

@@ -49,6 +49,7 @@ EFFECT = Effect(
     equation=Row.CABLE,
     explanation="Torque and cable length miss what an angle error with a harmonic would cause.",
     reveal="slow steps over the whole travel",
+    mend="Centre the magnets, or calibrate the angle sensors over the whole travel in small steps.",
     shapes=tuple({"harmonic": float(n)} for n in (2, 4, 8)),
     shape_units={"harmonic": "1/turn"},
     closer=either("double", (0.0, 1.0)),

@@ -43,6 +43,8 @@ EFFECT = Effect(
     equation=Row.PIP,
     explanation="Both joints miss the same tension, and more of it in one direction of travel.",
     reveal="slow sines on the motor bench",
+    mend="Have gearbox and brushes looked after, or let the motor's command add the friction of "
+    "either direction.",
     shapes=WINDING_SHAPES,
     shape_units={"travel_deg": "deg"},
     closer=rubbing(),

@@ -31,6 +31,7 @@ EFFECT = Effect(
     equation=Row.CABLE,
     explanation="At each reversal the motor turns through a gap before the cable follows.",
     reveal="slow steps up and down with the cable under tension",
+    mend="Pin the pulley, preload the gearbox, or put the encoder on the pulley.",
     shapes=tuple({"gap_deg": value} for value in GAPS_DEG),
     shape_units={"gap_deg": "deg"},
     closer=times("gap_deg"),

@@ -191,6 +191,7 @@ class Effect:
         equation: the row in which that fingerprint is drawn.
         explanation: one sentence for a person, without numbers.
         reveal: the experiment that shows the effect where these data could not.
+        mend: what on the bench makes it smaller, a sentence.
         shapes: grid of the nonlinear unknowns; each point is a mapping name -> value.
         shape_units: unit of each nonlinear unknown; what ``shapes`` holds beyond these are switches, 0 or 1.
         shapes_seen: what recordings of the motor alone suggest in place of ``shapes``, from their motions.
@@ -222,6 +223,7 @@ class Effect:
     equation: Row
     explanation: str
     reveal: str
+    mend: str = ""
     shapes: Sequence[Shape] = ({},)
     shape_units: Mapping[str, str] = field(default_factory=dict)
     shapes_seen: Callable[[Sequence[Motion]], Sequence[Shape]] | None = None

@@ -17,6 +17,7 @@ EFFECT = Effect(
     equation=Row.CABLE,
     explanation="At about zero tension the motor pays out cable that the joints do not take up.",
     reveal="a sine whose offset is so low that the cable is let out entirely",
+    mend="Raise the pretension, or the offset of the motion, so that the cable never hangs loose.",
     special="slack",
     follows=DRIVE,
     formula=Formula(

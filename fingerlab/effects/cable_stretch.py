@@ -58,6 +58,7 @@ EFFECT = Effect(
     equation=Row.CABLE,
     explanation="The cable that is wound beyond what the joints call for is proportional to the tension.",
     reveal="a contact run, where the tension changes much and the joints hardly move",
+    mend="Use a stiffer or a shorter cable.",
     formula=Formula(
         equation=r"x = c\,\bar T + d\,\dot T,\qquad T_c\,\dot{\bar T} + \bar T = T",
         symbols=(

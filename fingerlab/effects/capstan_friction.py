@@ -148,6 +148,7 @@ EFFECT = Effect(
     equation=Row.PIP,
     explanation="The motor needs more tension winding in, less paying out, in proportion to the tension.",
     reveal="runs at several loads, contact included",
+    mend="Lead the cable around fewer or wider bends, or line the sheath with PTFE.",
     shapes=(
         *(_sheath(travel, stretch_behind=1.0, held=1.0) for travel in HELD_TRAVELS_DEG),
         *(_sheath(travel, stretch_behind=1.0) for travel in WINDING_TRAVELS_DEG[-2::-2]),

@@ -28,6 +28,7 @@ EFFECT = Effect(
     equation=Row.PIP,
     explanation="In contact both joints miss torques in the proportion of a sideways force.",
     reveal="free motion with the flexion cable before contact",
+    mend="Set the load cell's face at a right angle to the fingertip's way.",
     phases=("contact",),
     formula=Formula(
         equation=(

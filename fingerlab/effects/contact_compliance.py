@@ -38,6 +38,7 @@ EFFECT = Effect(
     equation=Row.TIP,
     explanation="In contact the fingertip sinks in proportion to the force.",
     reveal="a contact run with steps of the force",
+    mend="Use a harder fingertip and a stiffer mount of the load cell, or press more slowly.",
     phases=("contact",),
     formula=Formula(
         equation=(

@@ -22,6 +22,7 @@ EFFECT = Effect(
     equation=Row.PIP,
     explanation="The missing torque flips sign with joint speed and has one size on each side.",
     reveal="slow sines with full reversals",
+    mend="Polish or exchange the hinge pins; a larger motion makes its share smaller.",
     shapes=tuple({"travel_deg": travel} for travel in JOINT_TRAVELS_DEG),
     shape_units={"travel_deg": "deg"},
     closer=rubbing(),

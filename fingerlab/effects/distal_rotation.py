@@ -29,6 +29,7 @@ EFFECT = Effect(
     equation=Row.MCP,
     explanation="The missing torques are I2 times the acceleration that the relative rate leaves out.",
     reveal="a fast chirp, 2 to 5 Hz",
+    mend="Move more slowly; nothing on the bench is wrong, the term belongs in the model.",
     formula=Formula(
         equation=(
             r"\tau_1 = \kappa I_2(\ddot\theta_1+\ddot\theta_2),\qquad \tau_2 = \kappa "

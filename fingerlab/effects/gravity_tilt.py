@@ -105,6 +105,7 @@ EFFECT = Effect(
     equation=Row.MCP,
     explanation="The missing torques are those of gravity from another direction.",
     reveal="slow steps over the whole travel",
+    mend="Level the base, or measure its tilt and enter it in the rig file.",
     shapes=(
         *({"cell_stays": 0.0, "turn_deg": t} for t in TURNS_DEG),
         *({"cell_stays": 1.0, "turn_deg": t} for t in PRESSED_TURNS_DEG),

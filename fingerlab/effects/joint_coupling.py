@@ -22,6 +22,7 @@ EFFECT = Effect(
     equation=Row.PIP,
     explanation="MCP and PIP miss equal and opposite torques that follow the difference of the angles.",
     reveal="a chirp, in which the two joints move in different proportion",
+    mend="Free the skin, tape or cables that join the two phalanges.",
     formula=Formula(
         equation=r"\tau_1 = K_c(\theta_1 - \theta_2),\qquad \tau_2 = -\tau_1",
         symbols="K_c: stiffness between the joints.",

@@ -52,6 +52,7 @@ EFFECT = Effect(
     equation=Row.PIP,
     explanation="Beyond a certain angle the joint is suddenly much stiffer.",
     reveal="a slow sine of larger amplitude",
+    mend="Keep the motion away from the end of travel, by a smaller amplitude or another offset.",
     shapes=tuple(
         {"edge_deg": 5.0 * k, "hertz": hertz} for hertz in (0.0, 1.0) for k in (*range(-8, 0), *range(2, 10))
     ),

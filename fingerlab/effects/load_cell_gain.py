@@ -21,6 +21,7 @@ EFFECT = Effect(
     equation=Row.PIP,
     explanation="In contact both joints miss a torque in proportion to the force that was read.",
     reveal="a calibration of the load cell with known weights",
+    mend="Calibrate the load cell anew, with known weights.",
     phases=("contact",),
     formula=Formula(
         equation=r"\tau_j = \gamma\,F\,\ell_j",

@@ -49,6 +49,7 @@ EFFECT = Effect(
     equation=Row.PIP,
     explanation="The missing tension opposes the travel and grows with the torque transmitted.",
     reveal="a motor bench with two known loads",
+    mend="Grease the gearbox, or choose one with a smaller ratio; less pretension lowers it, too.",
     shapes=tuple({"travel_deg": value, "sharpness": 1.0} for value in (0.6, 0.85, 1.2, 1.7)),
     shape_units={"travel_deg": "deg"},
     closer=rubbing(OCTAVE[1:-1]),

@@ -14,6 +14,7 @@ EFFECT = Effect(
     equation=Row.PIP,
     explanation="Both joints miss the same tension, which flips sign with motor speed.",
     reveal="a motor-bench run without a finger",
+    mend="Run the gearbox in and grease it, or choose a smaller ratio.",
     shapes=WINDING_SHAPES,
     shape_units={"travel_deg": "deg"},
     closer=rubbing(),

@@ -23,6 +23,7 @@ EFFECT = Effect(
     equation=Row.PIP,
     explanation="Both joints miss the same tension, in proportion to motor acceleration.",
     reveal="a fast chirp on the motor bench",
+    mend="Enter the inertia of rotor, gearbox and pulley in the rig file, or accelerate less.",
     bench=BESIDE_A_FINGER,
     formula=Formula(
         equation=r"\tau_m = \Delta J\,\ddot\theta_m",

@@ -34,6 +34,7 @@ EFFECT = Effect(
     equation=Row.PIP,
     explanation="Both joints miss the same tension; it builds up over a small travel after a reversal.",
     reveal="small sines, 1 to 5 degrees, on the motor bench",
+    mend="Reverse less often, or add a small dither to the motor's command.",
     shapes=tuple({"travel_deg": value} for value in PRESLIDING_TRAVELS_DEG),
     shape_units={"travel_deg": "deg"},
     closer=dahl_or_masing,

@@ -21,6 +21,7 @@ EFFECT = Effect(
     equation=Row.PIP,
     explanation="Both joints miss the same tension, in proportion to the motor angle.",
     reveal="slow steps on the motor bench",
+    mend="Keep the motor's wires and the cable's end from pulling at the pulley.",
     bench=True,
     formula=Formula(
         equation=r"\tau_m = k\,\theta_m",

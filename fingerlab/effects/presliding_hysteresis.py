@@ -38,6 +38,7 @@ EFFECT = Effect(
     equation=Row.PIP,
     explanation="After each reversal the missing torque builds up over a small travel of the joint.",
     reveal="sines of small amplitude, 2 to 5 degrees",
+    mend="Reverse less often and move by more degrees at a time, or exchange plain hinges for ball bearings.",
     shapes=tuple({"travel_deg": travel} for travel in PRESLIDING_TRAVELS_DEG),
     shape_units={"travel_deg": "deg"},
     closer=dahl_or_masing,

@@ -22,6 +22,7 @@ EFFECT = Effect(
     equation=Row.PIP,
     explanation="The flexion cable's moment arms do not go with those of the extension cable.",
     reveal="free motion with the flexion cable",
+    mend="Lead the flexion cable as its moment arms were measured, or measure them anew.",
     formula=Formula(
         equation=(
             r"a_\mathrm{flexion} \ne \rho_1\,a_\mathrm{extension},\qquad b_\mathrm{flexion} \ne "

@@ -42,6 +42,7 @@ EFFECT = Effect(
     equation=Row.CABLE,
     explanation="The misfit grows over each run, whatever the motion.",
     reveal="a run of several minutes at rest",
+    mend="Let the sensors warm up before the first run, and keep the runs short.",
     shapes=tuple({"time_constant": value} for value in (5.0, 10.0, 20.0, 40.0, STEADY_S)),
     shape_units={"time_constant": "s"},
     closer=_warming_closer,

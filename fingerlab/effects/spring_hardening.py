@@ -22,6 +22,7 @@ EFFECT = Effect(
     equation=Row.PIP,
     explanation="The missing torque grows with the cube of the joint angle.",
     reveal="a sine of larger amplitude and offset",
+    mend="Use springs that stay linear over the travel, or a smaller motion.",
     formula=Formula(
         equation=r"\tau_j = K_{3j}\,\theta_j^3",
         symbols="K_3j: cubic stiffness.",

@@ -22,6 +22,7 @@ EFFECT = Effect(
     equation=Row.PIP,
     explanation="The missing torque is proportional to the joint angle.",
     reveal="steps over the whole travel",
+    mend="Measure the stiffness of the joint springs and enter it in the rig file.",
     formula=Formula(
         equation=r"\tau_j = \Delta K_j\,\theta_j",
         symbols="ΔK_j: stiffness beyond that of the rig file.",

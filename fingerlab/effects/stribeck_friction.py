@@ -51,6 +51,7 @@ EFFECT = Effect(
     equation=Row.PIP,
     explanation="The missing torque flips sign with joint speed and is larger when the joint is slow.",
     reveal="a chirp from 0.2 to 3 Hz",
+    mend="Grease the hinges, and move faster than the speed below which friction rises.",
     # Neighbours in the grid differ in one number: the travels up at one speed, down at the next.
     shapes=tuple(
         {"stribeck_speed": speed, "travel_deg": travel}

@@ -82,6 +82,7 @@ EFFECT = Effect(
     equation=Row.PIP,
     explanation="Both joints miss the same tension, which repeats with the motor angle.",
     reveal="a slow sine of large amplitude on the motor bench",
+    mend="Use a motor with more commutator segments, or compensate its torque by its angle.",
     shapes=tuple({"order": float(n)} for n in RIPPLE_ORDERS),
     shape_units={"order": "1/turn"},
     shapes_seen=orders_seen,

@@ -18,6 +18,7 @@ EFFECT = Effect(
     equation=Row.CABLE,
     explanation="Angles and force follow the motor's own channels after a constant time.",
     reveal="a chirp, in which a delay grows with frequency",
+    mend="Sample all channels by one clock, with the same filters; a slower motion makes it smaller.",
     special="delay",
     follows={LATE: ("delay",)},
     formula=Formula(

@@ -51,6 +51,7 @@ EFFECT = Effect(
     equation=Row.CABLE,
     explanation="Torque and cable length call for a moment arm that changes with the joint angle.",
     reveal="a slow sine over the whole travel",
+    mend="Lead the cable over a round pulley at the joint, or use less of the travel.",
     formula=Formula(
         equation=(
             r"\begin{align*} a(\theta_1) &= a\,(1 + (p_1 + s\,q_1)\,\theta_1), \qquad b(\theta_2) = "

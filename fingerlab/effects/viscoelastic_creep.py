@@ -48,6 +48,7 @@ EFFECT = Effect(
     equation=Row.PIP,
     explanation="After a change of angle an extra spring torque appears and dies away.",
     reveal="steps, each held for several seconds",
+    mend="Hold until the springs have settled before you measure, or use steel springs.",
     shapes=tuple({"time_constant": value} for value in RELAXING_S),
     shape_units={"time_constant": "s"},
     closer=times("time_constant"),

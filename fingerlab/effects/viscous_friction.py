@@ -24,6 +24,7 @@ EFFECT = Effect(
     equation=Row.PIP,
     explanation="The missing torque grows in proportion to joint speed and changes sign with it.",
     reveal="sines at two frequencies, 0.5 and 2 Hz, with the same amplitude",
+    mend="Use a thinner grease in the hinges, or move more slowly.",
     formula=Formula(
         equation=r"\tau_j = B_j\,\dot\theta_j",
         symbols="B_j: viscous coefficient of joint j.",

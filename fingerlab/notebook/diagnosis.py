@@ -56,7 +56,8 @@ class EffectView(Displayed):
         parts: list[Displayable] = [f"{one.title} ({one.id}), changes {self.changes}", one.explanation]
         if rows:
             parts.append(ShownTable(("unknown", "what", "unit", "plausible range", "source"), rows))
-        return (*parts, f"What reveals it: {one.reveal}.")
+        mends = (f"What mends it: {one.mend}",) if one.mend else ()
+        return (*parts, f"What reveals it: {one.reveal}.", *mends)
 
 
 class Catalogue(Mapping[str, EffectView], Displayed):

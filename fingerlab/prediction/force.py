@@ -176,16 +176,32 @@ def level_residuals(
     return {name: [level[row] for level in levels] for name, row in JOINT_ROWS.items()}
 
 
+def wound_beyond(motion: Motion, effects: Sequence[Effect], values: Mapping[str, float], where: str) -> Array:
+    """Angle by which the motor is wound beyond what joints and tension call for, rad, (n,).
+
+    Its mean is by how much the motor's zero lies elsewhere than in the runs of the fit.
+    """
+    rows = (Row.CABLE,)
+    return np.asarray(_residuals(motion, effects, values, where, rows)[Row.CABLE] / motion.radius)
+
+
 def _residuals(
-    motion: Motion, effects: Sequence[Effect], values: Mapping[str, float], where: str
+    motion: Motion,
+    effects: Sequence[Effect],
+    values: Mapping[str, float],
+    where: str,
+    rows: Sequence[Row] = tuple(JOINT_ROWS.values()),
 ) -> dict[Row, Array]:
-    """Residual of the joints' equations as a tension, N, (n,) each: every feature times its coefficient."""
-    found = [(f, column) for f, column in _columns(motion, effects, values) if f.row in JOINT_ROWS.values()]
+    """Residuals of equations, (n,) each: every feature times its coefficient.
+
+    Those of the joints are tensions, N, that of the cable a length, m.
+    """
+    found = [(f, column) for f, column in _columns(motion, effects, values) if f.row in rows]
     features = [feature for feature, _ in found]
     _check(features, CABLE_NAMES[motion.cable_sign], values, where)
     terms = Coefficients(features, {key: place for place, key in enumerate(values)}, delayed=False)
     coefficients = terms.of(np.array(list(values.values())), (motion.cable_sign,))[0]
-    sums = {row: np.zeros_like(motion.time) for row in JOINT_ROWS.values()}
+    sums = {row: np.zeros_like(motion.time) for row in rows}
     for (feature, column), h in zip(found, coefficients, strict=True):
         if h != 0.0:
             sums[feature.row] += h * column
@@ -225,7 +241,8 @@ def _check(features: Sequence[Feature], cable: str, values: Mapping[str, float],
     """Refuse values without one that an effect or a routing of its own needs; other nuisances are zero."""
     for feature in features:
         key = key_of(feature, cable)
-        if feature.owner is not None and feature.scale not in ("direct", "joint"):
+        joint = feature.row in JOINT_ROWS.values()
+        if joint and feature.owner is not None and feature.scale not in ("direct", "joint"):
             raise UserError(
                 f"The effect '{feature.owner}' puts a term of scale '{feature.scale}' into a joint's "
                 "equation; its terms there should be of scale 'joint' or 'direct'."

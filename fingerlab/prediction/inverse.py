@@ -122,7 +122,7 @@ def needed_torque(
     # The load cell is read ``delay`` after the motor: the torque leads by as much.
     torque, half_width = (_earlier(values, wanted.time, delay) for values in (torque, half_width))
     band = None if isinstance(predictor, ParameterSet) else predictor.band
-    return _judged(wanted, pose, rig, torque, half_width, motion, band)
+    return judged_plan(wanted, pose, rig, torque, half_width, motion, band)
 
 
 def _by_set(
@@ -177,7 +177,7 @@ def _by_variant(
         mixed = weight * forces["pip"] + (1.0 - weight) * forces["mcp"]
         return np.where(np.isfinite(mixed), mixed, forces["pip"])
 
-    torque, slope = _solved(predicted, wanted, where, newton)
+    torque, slope = solved_torque(predicted, wanted, where, newton)
     torque, slope = scales.torque * torque, newton / scales.torque * slope
     if variant.band is None:
         return torque, np.full_like(torque, np.nan), delay
@@ -185,12 +185,17 @@ def _by_variant(
     return torque, half_width, delay
 
 
-def _solved(
-    predicted: Callable[[Array], Array], force: Array, where: str, newton: float
+def solved_torque(
+    predicted: Callable[[Array], Array], force: Array, where: str, newton: float, missed_n: float = CLOSE_N
 ) -> tuple[Array, Array]:
     """Torque whose prediction is ``force``, and what a unit of torque adds to the force; in reduced units.
 
-    ``newton`` is how many a reduced one has.
+    Args:
+        newton: how many a reduced one has. missed_n: by how much the force may be missed, N, where nothing
+            closer is found.
+
+    Raises:
+        UserError: no torque presses with that force.
     """
     before, torque = (np.full_like(force, value) for value in FIRST_TORQUES)
     last, now = predicted(before), predicted(torque)
@@ -208,6 +213,8 @@ def _solved(
         last, now = now, predicted(torque)
         moved = np.abs(torque - before) > 1e-12
         slope = np.where(moved, (now - last) / np.where(moved, torque - before, 1.0), slope)
+    if np.abs(force - now).max() * newton < missed_n:
+        return torque, slope
     raise UserError(
         f"By {where} no torque was found whose force is the wanted one to {newton * CLOSE_N:g} N "
         f"({newton * np.abs(force - now).max():.3g} N are missing); choose a smaller or slower force."
@@ -218,7 +225,7 @@ def _earlier(values: Array, time: Array, delay: float) -> Array:
     return values if delay == 0.0 else np.asarray(np.interp(time + delay, time, values))
 
 
-def _judged(
+def judged_plan(
     wanted: WantedForce,
     pose: ContactPose,
     rig: Rig,

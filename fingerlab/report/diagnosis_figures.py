@@ -14,6 +14,7 @@ from matplotlib.ticker import MaxNLocator
 from fingerlab.core.text import ScreenUnit, screen_unit, with_minus
 from fingerlab.diagnosis.answer.results import (
     EQUATION_TITLES,
+    Budget,
     Comparison,
     Diagnosis,
     Failure,
@@ -21,7 +22,9 @@ from fingerlab.diagnosis.answer.results import (
     PathStep,
 )
 from fingerlab.diagnosis.answer.where import COORDINATES, Profile, profile
+from fingerlab.report.budget_words import budget_lines, main_family
 from fingerlab.report.diagnosis_words import (
+    FAMILY_TITLES,
     axis_title,
     coordinate_unit,
     effect_title,
@@ -41,6 +44,7 @@ from fingerlab.report.figure_style import (
     label,
     legend_below,
     named_handles,
+    named_rows,
     new_figure,
     score_bars,
 )
@@ -229,12 +233,42 @@ def path_figure(path: Sequence[PathStep], given: Sequence[str]) -> Figure:
     return figure
 
 
+def budget_figure(budget: Budget, family: str) -> Figure:
+    """What a squared error is made of, from all of it at the top down to nothing, in per cent."""
+    figure, (axes,) = new_figure(1, 1, (5.6, 1.0 + 0.36 * (len(budget.parts) + 1)))
+    draw_budget(axes, budget)
+    label(axes, f"squared error of the {in_sentence(FAMILY_TITLES.get(family, family))}, %", "")
+    return figure
+
+
+def draw_budget(axes: Axes, budget: Budget) -> None:
+    """Bars from top to bottom: the whole, then what each part takes away, with its share."""
+    reached, bars = 100.0, [("All of it", 0.0, 100.0, RESIDUAL)]
+    for one in budget_lines(budget):
+        colour = {"effect": CANDIDATE, "floor": FLOOR}.get(one.kind, MODELLED)
+        bars.append((one.title, reached - 0.1 * one.tenths, 0.1 * one.tenths, colour))
+        reached -= 0.1 * one.tenths
+    for place, (_, low, size, colour) in enumerate(reversed(bars)):
+        axes.barh(place, size, 0.6, low, color=colour)
+        axes.annotate(
+            with_minus(f"{size:.1f}"), (max(low, low + size), place), xytext=(4, 0),
+            textcoords="offset points", va="center", fontsize=TICK_SIZE,
+        )  # fmt: skip
+    named_rows(axes, [name for name, *_ in bars], TICK_SIZE)
+    ends = [end for _, low, size, _ in bars for end in (low, low + size)]
+    axes.set_xlim(min(ends), max(ends) + 0.12 * (max(ends) - min(ends)))
+    axes.axvline(0.0, color=MEASURED, lw=0.6)
+
+
 def diagnosis_figures(diagnosis: Diagnosis) -> Mapping[str, Figure]:
-    """By name: the error path, where the model fails and worst of all, and the fingerprints of the suspects.
+    """By name: error path and budget, where the model fails and worst of all, the suspects' fingerprints.
 
     Where no effect is suspected, the fingerprint is that of the most probable one.
     """
     figures = {"error-path": path_figure(diagnosis.path, diagnosis.model)}
+    if diagnosis.budget:
+        family = main_family(diagnosis.budget)
+        figures["error-budget"] = budget_figure(diagnosis.budget[family], family)
     if diagnosis.failure is not None:
         worst = failure_stretch(diagnosis.comparisons, diagnosis.failure)
         if worst is not None:

@@ -21,10 +21,12 @@ from fingerlab.core.text import estimate_text, score_text
 from fingerlab.diagnosis.answer.results import EQUATION_TITLES, Candidate, Comparison, Diagnosis
 from fingerlab.report import diagnosis_words as words
 from fingerlab.report import page_tables as tables
+from fingerlab.report.budget_words import budget_table, main_family, mend_rows, mending_sentence
 from fingerlab.report.content import Analysis, Content, Prediction, gather
 from fingerlab.report.diagnosis_figures import (
     QUANTITIES,
     DrawnStretch,
+    budget_figure,
     chosen_stretches,
     comparison_figure,
     failure_stretch,
@@ -179,6 +181,10 @@ def render(content: Content, progress: Progress) -> Page:
         story_errors=error_rows_of_story(content.models),
         score_table=score_table(diagnosis),
         aside=aside_sentence(diagnosis),
+        budget=budget_table(diagnosis.budget),
+        budget_picture=_budget_picture(diagnosis, pictures),
+        mending=mending_sentence(diagnosis),
+        mend_rows=mend_rows(diagnosis),
         verdict=words.verdict_sentence(diagnosis),
         model=words.model_words(diagnosis.model),
         final_model=content.model_words(),
@@ -246,6 +252,7 @@ def _picture_count(diagnosis: Diagnosis, analysis: Analysis | None) -> int:
     equations = len({c.equation for c in diagnosis.comparisons})
     return (
         3
+        + bool(diagnosis.budget)
         + 2 * equations
         + len(_drawn_candidates(diagnosis))
         + (0 if analysis is None else len(analysis.figures))
@@ -295,6 +302,18 @@ def _profile_picture(diagnosis: Diagnosis, pictures: Pictures) -> dict[str, Any]
     return {
         "picture": pictures.draw(figure, f"Where the {words.in_sentence(title)} is off"),
         "caption": f"{title}, residual in bins over all runs; above each, where it is largest.",
+    }
+
+
+def _budget_picture(diagnosis: Diagnosis, pictures: Pictures) -> dict[str, Any] | None:
+    if not diagnosis.budget:
+        return None
+    family = main_family(diagnosis.budget)
+    title = words.in_sentence(words.FAMILY_TITLES.get(family, family))
+    drawn = budget_figure(diagnosis.budget[family], family)
+    return {
+        "picture": pictures.draw(drawn, f"Error budget of the {title}"),
+        "caption": f"The squared error of the {title}, from all of it down to nothing.",
     }
 
 

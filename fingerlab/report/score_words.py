@@ -95,7 +95,7 @@ def score_table(diagnosis: Diagnosis) -> ScoreTable | None:
     equations = tuple(name for name in EQUATION_NAMES if any(part.equation == name for part in parts))
     decimals = max(3 - math.floor(math.log10(max(diagnosis.score**2, 1.0))), 0)
     unit = 10.0**-decimals
-    steps = list(zip(parts, _apportioned([part.squared for part in parts], unit), strict=True))
+    steps = list(zip(parts, apportioned([part.squared for part in parts], unit), strict=True))
 
     def told(chosen: Sequence[tuple[ScorePart, int]]) -> str:
         return fixed(sum(count for _, count in chosen) * unit, decimals)
@@ -130,7 +130,7 @@ def _motion(one: ScorePart | LeftAside) -> tuple[tuple[str, ...], str, str]:
     return one.runs, one.phase, one.cable
 
 
-def _apportioned(values: Sequence[float], step: float) -> list[int]:
+def apportioned(values: Sequence[float], step: float) -> list[int]:
     """Whole numbers of steps that sum to the rounded sum: each is rounded, the largest remainders up."""
     exact = [value / step for value in values]
     found = [math.floor(value) for value in exact]

@@ -21,6 +21,7 @@ from fingerlab.acquisition.control.machine import (
     Start,
 )
 from fingerlab.acquisition.control.motion import FREE_SPEED
+from fingerlab.acquisition.control.safety import Bounds, Reading
 from fingerlab.acquisition.control.trajectories import read_trajectory
 from fingerlab.acquisition.protocols.steps import Change, Record, plan_steps
 from fingerlab.acquisition.status import Number, Slot
@@ -114,6 +115,30 @@ def test_stop_and_limits_take_the_current_away(where: str) -> None:
         assert "hiccup" in bench.fault
     volts, enabled = bench.device.outputs[-1][1:]
     assert (volts, enabled) == (0.0, False)
+
+
+def test_a_torque_ends_within_its_own_bounds_long_before_the_limits() -> None:
+    bench = Driven(FakeDevice())
+    bench.run({**PULL, "most_position_deg": 10.0})
+    bench.cycles(3000)
+    assert "stay below 10°" in bench.fault
+    position = np.degrees(bench.column("motor_position"))
+    first = int(np.flatnonzero(position > 10.0)[0])
+    current = np.abs(bench.column("current_command"))
+    assert not current[first + 50 :].any()  # 50 ms at 1 kHz
+    assert bench.device.outputs[-1][1:] == (0.0, False)
+
+
+def test_the_load_cells_noise_is_no_doubt_and_a_force_that_stays_is() -> None:
+    bounds, reading = Bounds(force=2.0, position=math.inf, samples=5), Reading()
+    reading.position = 0.0
+    told = []
+    for force in (2.1, 1.9, 2.1, 2.1, 2.1, 2.1, 2.1):
+        reading.force = force
+        told.append(bounds.fault(reading))
+    assert told[:6] == [None] * 6
+    assert told[6] is not None
+    assert "2.1 N" in told[6]
 
 
 @pytest.mark.parametrize(

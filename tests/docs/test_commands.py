@@ -32,7 +32,7 @@ NOT_RUN = {
     "it moves a motor in real time",
 }
 """The reasons for which a command may be left out."""
-MOST_LEFT_OUT = 12
+MOST_LEFT_OUT = 13
 RUN_ELSEWHERE = {
     "mkdocs": ("tests/docs/test_documents.py", "build.build(config)"),
     "pip install": (".ci/run", "start.py"),  # the starter installs what these lines name
@@ -51,6 +51,7 @@ RUN_ELSEWHERE = {
     "python -m tests.faults.sensors": ("tests/faults/test_sensors.py", "try_once(lie, seed)"),
     "python -m tests.hidden.axis": ("tests/hidden/test_axis.py", "baselines(open_session(path))"),
     "python -m tests.hidden.dirt": ("tests/hidden/test_dirt.py", "dirt.WAYS[way](machine)"),
+    "python -m tests.hidden.draft_laws": ("tests/hidden/test_draft_laws.py", "draft_laws.figures(entries)"),
     "python -m tests.hidden.wrong_additions": (
         *("tests/hidden/test_wrong_additions.py", "wrong_additions.figures(entries)"),
     ),
@@ -60,6 +61,7 @@ RUN_ELSEWHERE = {
 TAKES_HOURS = (
     *("benchmarks", "docs/screenshots.py", "packaging/lock.py"),
     *("tests.faults.stops", "tests.faults.sweep", "tests.hidden.sweep", "tests.hidden.as_built"),
+    "tests.hidden.feed_forward",
 )
 """Programs that measure for hours, draw all pictures, or ask the network: they exist, with their options."""
 

@@ -31,6 +31,7 @@ from .truth import TruthPanel
 from .where import WherePanel
 
 if TYPE_CHECKING:
+    from .budget import BudgetDialog
     from .model_dialogs import SideBySideDialog
 
 STEPS_WIDTH = 152
@@ -63,6 +64,7 @@ class LabView(QWidget):
         self.numbers.setToolTip("Every number of the model, with bounds and source: move it, hold it (F9).")
         self._shown_step: ModelStep | None = None
         self._parts: ScorePartsDialog | None = None
+        self._budget: BudgetDialog | None = None
         self._beside: SideBySideDialog | None = None
         self._recorded: tuple[tuple[str, ...], tuple[Array, Array] | None] = ((), None)
         self._build()
@@ -124,7 +126,7 @@ class LabView(QWidget):
         if history is None:
             self._shown_step = None
             self._recorded = ((), None)
-            for dialog in (self._parts, self._beside):
+            for dialog in (self._parts, self._budget, self._beside):
                 if dialog is not None:
                     dialog.hide()
             self.parameters.show_model(None, None)
@@ -150,8 +152,9 @@ class LabView(QWidget):
         wanted = (failure.equation, failure.run) if first_look and failure is not None else None
         self.bar.show_comparisons(diagnosis.comparisons, self.controller.sessions, wanted)
         self.candidates.show_diagnosis(diagnosis)
-        if self._parts is not None and self._parts.isVisible():
-            self._parts.show_diagnosis(diagnosis)
+        for told in (self._parts, self._budget):
+            if told is not None and told.isVisible():
+                told.show_diagnosis(diagnosis)
         self.better.show_diagnosis(diagnosis)
         self.evidence.show_choice(best_choice(diagnosis), diagnosis)
         self.path.show_history(history)
@@ -207,6 +210,19 @@ class LabView(QWidget):
         self._parts.show_diagnosis(diagnosis)
         self._parts.show()
         self._parts.raise_()
+
+    def show_budget(self) -> None:
+        """What would mend the errors of the present model, in a window of its own."""
+        from .budget import BudgetDialog
+
+        diagnosis = self.controller.diagnosis
+        if diagnosis is None:
+            return
+        if self._budget is None:
+            self._budget = BudgetDialog(self)
+        self._budget.show_diagnosis(diagnosis)
+        self._budget.show()
+        self._budget.raise_()
 
     def show_side_by_side(self) -> None:
         """Two of the models that were fitted to these sessions, in a window of their own."""

@@ -218,7 +218,7 @@ class ControlLoop:
             sentence = dog.fault(self._board[slot], reading.index) or ""
             if sentence:
                 return sentence
-        return self._safety.fault(reading)
+        return self._safety.fault(reading) or self._steering.doubt(reading)
 
     def _commanded(self) -> float:
         """A that the amplifier is to make; NaN where nothing says that it can."""

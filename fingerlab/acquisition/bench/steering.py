@@ -20,8 +20,13 @@ from fingerlab.acquisition.control.position import (
     check_gains,
     slowed,
 )
-from fingerlab.acquisition.control.safety import Reading, Watchdog
-from fingerlab.acquisition.control.trajectories import Trajectory, read_trajectory
+from fingerlab.acquisition.control.safety import Bounds, Reading, Watchdog
+from fingerlab.acquisition.control.trajectories import (
+    MOST_FORCE,
+    MOST_POSITION,
+    Trajectory,
+    read_trajectory,
+)
 from fingerlab.acquisition.control.units import BenchUnits
 from fingerlab.acquisition.status import Number, SharedStatus, Slot, Text
 from fingerlab.core.errors import UserError
@@ -106,6 +111,9 @@ JOG_MARGIN, JOG_LEAD_S = math.radians(2.0), 0.1
 """A jog ends so far before the position's limits, and its way of so long before (assumed: coming to a stand
 within 0.5 s, it overshoots by 0.09 s)."""
 
+DOUBT_S = 5e-3
+"""For so long a torque's own bounds have to be left; the load cell's noise is no doubt (assumed)."""
+
 MOVED_SAMPLES = 20
 """Samples of a take-up whose mean says where the joints were, and by how many the motion has to be seen."""
 
@@ -163,7 +171,8 @@ class Steering:
         self._pull = TorqueDrive(period, gains, settings.units, settings.limits)
         self._pulling = False  # the trajectory is one of torque
         self._settling = Settling(period)
-        self._limits = settings.limits
+        self._limits, self._period = settings.limits, period
+        self._bounds: Bounds | None = None  # of a trajectory of torque
         self._winding: Winding | None = None
         self._joints: list[float] = []  # of a take-up: both together before it began
         self._moving = 0
@@ -207,6 +216,7 @@ class Steering:
         if moving and pulling != self._pulling:
             return "The motor follows a trajectory of another kind (angle or torque); bring it to rest first."
         self._pulling = pulling
+        self._bounds = self._bounds_of(command.trajectory) if isinstance(command, ReadyStart) else None
         self._winding = None if isinstance(command, ReadyStart) else command
         self._joints, self._moving = [], 0
         self._most = command.current if isinstance(command, TakeUp) else math.inf
@@ -227,6 +237,17 @@ class Steering:
         else:
             self._followed.start(command.trajectory, 0.0 if pulling else position, command.endless)
         return ""
+
+    def doubt(self, reading: Reading) -> str | None:
+        """Why a trajectory of torque may not go on although all limits are kept, or None."""
+        return self._bounds.fault(reading) if self._pulling and self._bounds is not None else None
+
+    def _bounds_of(self, trajectory: Trajectory) -> Bounds | None:
+        told = trajectory.settings
+        if not trajectory.is_torque or not {MOST_FORCE, MOST_POSITION} & set(told):
+            return None
+        force, position = float(told.get(MOST_FORCE, math.inf)), float(told.get(MOST_POSITION, math.inf))
+        return Bounds(force, math.radians(position), max(1, round(DOUBT_S / self._period)))
 
     def advance(self, reading: Reading) -> bool:
         """One sample further in the wanted motion; whether it is over."""

@@ -217,6 +217,38 @@ class Stuck:
         return f"The {self.words} has not changed at all while the motor moved; check its supply and cable."
 
 
+class Bounds:
+    """What a torque trajectory may make of the bench at most: it ends on the first doubt, before the limits.
+
+    Args:
+        force: at the load cell, N. position: of the motor, rad. samples: in a row that are beyond.
+    """
+
+    def __init__(self, force: float, position: float, samples: int) -> None:
+        self.force, self.position, self.samples = force, position, samples
+        self._count = 0
+
+    def reset(self) -> None:
+        self._count = 0
+
+    def fault(self, reading: Reading) -> str | None:
+        if reading.force <= self.force and reading.position <= self.position:
+            self._count = 0
+            return None
+        self._count += 1 + reading.lost
+        if self._count < self.samples:
+            return None
+        if not reading.force <= self.force:
+            return (
+                f"The fingertip presses with {reading.force:.3g} N, and this run was to stay below "
+                f"{self.force:.3g} N; the model does not fit the bench as it stands."
+            )
+        return (
+            f"The motor stands at {_show(reading.position, 'rad')}, and this run was to stay below "
+            f"{_show(self.position, 'rad')}; the finger has slipped off the load cell, or the cable gave way."
+        )
+
+
 class FollowingError:
     """The motor has to follow its reference within a band, but for a moment."""
 

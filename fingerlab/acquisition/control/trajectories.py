@@ -24,6 +24,8 @@ key                   meaning (default)
                       amplitude, offset and, where none is given, duration
 ``time_s``            the same as two lists in place of a file, with ``angle_deg``
 ``torque_n_m``        in place of ``angle_deg`` for the kind ``torque``: N m at the gearbox output
+``most_force_n``      of a ``torque``: the run ends as a fault where the load cell shows more, N
+``most_position_deg`` the same for the motor's position, degrees at the pulley
 ====================  ======================================================================
 
 A ``torque`` is given as a file or as lists. There ``amplitude`` and ``offset`` are N m, not rad: the loop
@@ -46,6 +48,7 @@ from fingerlab.core.plain_data import read_object
 from fingerlab.sessions.model import Array
 from fingerlab.sessions.text_table import inspect_table, read_blocks
 
+MOST_FORCE, MOST_POSITION = "most_force_n", "most_position_deg"
 MOST_S = 86_400.0
 """Of a run."""
 INLINE_POINTS = 400
@@ -288,6 +291,9 @@ def read_trajectory(source: str | Mapping[str, Any], where: str = "the trajector
     if ramp < 0:
         raise UserError(f"{where} has 'ramp_s' = {ramp:g}; it should be zero or more seconds.")
     if kind == "torque":
+        for bound in (MOST_FORCE, MOST_POSITION):
+            if bound in settings:
+                _number(settings, bound, None, where)
         amplitude, offset = (
             _number(settings, f"{name}_n_m", None, where) for name in ("amplitude", "offset")
         )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from fingerlab.acquisition.bench.bench import Bench
@@ -34,15 +34,17 @@ from fingerlab.acquisition.protocols.steps import (
     Lift,
     Record,
     Step,
+    WorkOut,
     goes_about_contact,
     lifting,
     plan_seconds,
 )
-from fingerlab.acquisition.recording import Level, Lookout, RunInfo
+from fingerlab.acquisition.recording import Level, Lookout, RunInfo, channels_of
 from fingerlab.acquisition.ring import COLUMN
 from fingerlab.acquisition.status import Number, Slot
 from fingerlab.core.errors import UserError
 from fingerlab.rig.file import INTERVENTION
+from fingerlab.sessions.model import Run
 from fingerlab.sessions.recording_files import FEED_FORWARD
 
 LET_GO, LET_GO_SPEED = math.radians(2.0), math.radians(4.0)
@@ -274,6 +276,8 @@ class ProtocolDriver:
             self._lift(step)
         elif isinstance(step, Record):
             self._record(step)
+        elif isinstance(step, WorkOut):
+            self._work_out(step)
         else:
             self._wait(step.seconds, "rest")
 
@@ -338,8 +342,40 @@ class ProtocolDriver:
         self.bench.ask(lifting(step))
         self._wait(LIFT_S, "lifting the load")
 
+    def _work_out(self, step: WorkOut) -> None:
+        """What takes its time is done without current: no process has to look after the motor meanwhile."""
+        if self._ending:
+            return
+        self._off()
+        self._tell(self.share, step.words, 0.0)
+        step.work(self._last_run())
+        self.bench.ask(Enable())
+
+    def _last_run(self) -> Run:
+        """The run before, from the ring.
+
+        Raises:
+            UserError: it is no longer there as a whole.
+        """
+        info = self.run
+        assert info is not None
+        assert info.stop is not None
+        rows = self.bench.ring.last(self.newest - info.start + 1)[: info.stop - info.start]
+        if len(rows) < info.stop - info.start or rows[0, COLUMN["index"]] != info.start:
+            raise UserError(
+                f"Run {self.number} cannot be looked at before the next one: samples are missing, or it is "
+                "too long; choose a shorter wanted force."
+            )
+        return Run.from_arrays(
+            channels_of(info, rows), name=f"{self.number:03d}", phase=info.phase, cable=info.cable,
+            sample_rate_hz=info.sample_rate_hz, trajectory=info.trajectory, attributes=info.attributes,
+        )  # fmt: skip
+
     def _record(self, step: Record) -> None:
         bench = self.bench
+        if step.later is not None:
+            planned, attributes = step.later()
+            step = replace(step, trajectory=planned, attributes={**step.attributes, **attributes})
         settings = dict(step.trajectory)
         if self._offset_deg is not None and goes_about_contact(settings):
             settings["offset_deg"] = self._offset_deg

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Any, Protocol
@@ -15,6 +15,7 @@ from fingerlab.acquisition.control.motion import STOP_S
 from fingerlab.acquisition.control.trajectories import read_trajectory
 from fingerlab.core.errors import UserError
 from fingerlab.rig.file import INTERVENTION, read_intervention
+from fingerlab.sessions.model import Run
 
 REST_S = 2.0
 """Rest between runs (assumed): the spring finger has come to rest."""
@@ -88,7 +89,11 @@ class Lift:
 
 @dataclass(frozen=True)
 class Record:
-    """Record a run; ``number`` of ``count``."""
+    """Record a run; ``number`` of ``count``.
+
+    ``later`` gives its trajectory and further attributes when it begins, where runs before decide; the
+    ``trajectory`` here then says how long it is.
+    """
 
     number: int
     count: int
@@ -97,6 +102,7 @@ class Record:
     trajectory: Mapping[str, Any]
     load_torque: float = 0.0
     attributes: Mapping[str, Any] = field(default_factory=dict)
+    later: Callable[[], tuple[Mapping[str, Any], Mapping[str, Any]]] | None = None
 
 
 @dataclass(frozen=True)
@@ -106,7 +112,19 @@ class Rest:
     seconds: float
 
 
-Step = Change | Find | Lift | Record | Rest
+@dataclass(frozen=True)
+class WorkOut:
+    """With the amplifier off, work out of the run before what the coming ones are to do; then enable again.
+
+    Attributes:
+        words: what is worked out. work: is given that run; what it raises ends the recording.
+    """
+
+    words: str
+    work: Callable[[Run], None]
+
+
+Step = Change | Find | Lift | Record | Rest | WorkOut
 
 
 def plan_steps(runs: Sequence[PlannedRun], contact_force: float, rest_s: float = REST_S) -> tuple[Step, ...]:

@@ -7,7 +7,7 @@ with it held would. Errors are those on all runs, under the weights of the fit; 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -32,7 +32,7 @@ from fingerlab.diagnosis.answer.wording import residual_offsets
 from fingerlab.diagnosis.equations.coefficients import CABLE_NAMES
 from fingerlab.diagnosis.equations.features import FORCE, SHIFTS_S
 from fingerlab.diagnosis.equations.model import Choice
-from fingerlab.diagnosis.fit.noise import floor_covariance
+from fingerlab.diagnosis.fit.noise import floor_covariance, misfit_floor
 from fingerlab.diagnosis.fit.solver import Fit, Fitter
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.gram.sums import Group, Reduced, RunTotals
@@ -49,16 +49,19 @@ from fingerlab.sessions.model import Array, Run
 FAMILY_UNITS = {"joint_torque": "N m", "cable_kinematics": "m", "motor_torque": "N m", "endpoint_force": "N"}
 
 
-def equation_errors(reduced: Reduced, fitted: FittedModel) -> dict[str, EquationError]:
+def equation_errors(
+    reduced: Reduced, fitted: FittedModel, floor_of: Callable[..., Array] = floor_covariance
+) -> dict[str, EquationError]:
     """RMSE, R2 and floor of each family on held-out runs.
 
     Args:
         fitted: scored with :meth:`Scorer.score_held_out`.
+        floor_of: ``floor_covariance``, or ``misfit_floor`` for what differs from cycle to cycle alone.
     """
     sums: dict[str, Array] = {}
     for group in reduced.groups:
         residual = fitted.residuals[group.key]
-        noise = floor_covariance(fitted.model, fitted.fit.values, group, fitted.weights[group.key])
+        noise = floor_of(fitted.model, fitted.fit.values, group, fitted.weights[group.key])
         for family, values in _families(reduced, fitted, group, residual, noise).items():
             sums[family] = sums.get(family, np.zeros(4)) + group.samples * np.array([*values, 1.0])
     result = {}
@@ -79,31 +82,43 @@ def _families(
     reduced: Reduced, fitted: FittedModel, group: Group, residual: Array, noise: Array
 ) -> dict[str, tuple[float, float, float]]:
     """For each family: mean square of the residual, of the noise, and variance of what was measured."""
+    result = {}
+    for family, (told, measured) in told_by_equations(reduced, fitted, group).items():
+        result[family] = (float((told * residual).sum()), float((told * noise).sum()), measured)
+    return result
+
+
+def told_by_equations(reduced: Reduced, fitted: FittedModel, group: Group) -> dict[str, tuple[Array, float]]:
+    """By what products of the equations' residuals make the square of each family's, and its variance.
+
+    (5, 5) over ``Row``, and N^2, m^2 or (N m)^2: a joint's torque is a tension times its arm, the motor's
+    the mean of both tensions, the force the PIP joint's torque over its lever.
+    """
     if group.on_bench:
-        measured = _variance(reduced, group, Row.BENCH, None)
-        return {"motor_torque": (residual[3, 3], noise[3, 3], measured)}
+        return {"motor_torque": (_squares({Row.BENCH: 1.0}), _variance(reduced, group, Row.BENCH, None))}
     radius = reduced.radius
     routing = CABLE_NAMES[group.cable_sign]
     values = fitted.values
     a, b = values[f"arm_mcp@{routing}"], values[f"arm_pip@{routing}"]
     pull = _variance(reduced, group, Row.MCP, SHIFTS_S.index(0.0))
     wound = _variance(reduced, group, Row.CABLE, SHIFTS_S.index(0.0))
-
-    def joint(c: Array) -> float:
-        return float(0.5 * (a**2 * c[0, 0] + b**2 * c[1, 1]))
-
-    def motor(c: Array) -> float:
-        return float(radius**2 * 0.25 * (c[0, 0] + c[1, 1] + 2 * c[0, 1]))
-
+    motor = np.zeros((5, 5))
+    motor[np.ix_([Row.MCP, Row.PIP], [Row.MCP, Row.PIP])] = 0.25 * radius**2
     result = {
-        "joint_torque": (joint(residual), joint(noise), 0.5 * (a**2 + b**2) * pull),
-        "cable_kinematics": (residual[2, 2], noise[2, 2], wound),
-        "motor_torque": (motor(residual), motor(noise), radius**2 * pull),
+        "joint_torque": (_squares({Row.MCP: 0.5 * a**2, Row.PIP: 0.5 * b**2}), 0.5 * (a**2 + b**2) * pull),
+        "cable_kinematics": (_squares({Row.CABLE: 1.0}), wound),
+        "motor_torque": (motor, radius**2 * pull),
     }
     lever, force = _contact(reduced, group)
     if lever > 0:
-        scale = (b / lever) ** 2
-        result["endpoint_force"] = (scale * residual[1, 1], scale * noise[1, 1], force)
+        result["endpoint_force"] = (_squares({Row.PIP: (b / lever) ** 2}), force)
+    return result
+
+
+def _squares(of: Mapping[Row, float]) -> Array:
+    result = np.zeros((5, 5))
+    for row, weight in of.items():
+        result[row, row] = weight
     return result
 
 
@@ -301,7 +316,7 @@ def _lasts(reduction: Reduction, number: int) -> float:
 
 def _shares_of_rows(fitted: FittedModel, group: Group) -> list[dict[Row, float]]:
     """Share of each fold's misfit that each of its equations has; together 1."""
-    noise = floor_covariance(fitted.model, fitted.fit.values, group, fitted.weights[group.key])
+    noise = misfit_floor(fitted.model, fitted.fit.values, group, fitted.weights[group.key])
     weights = fitted.weights[group.key]
     # Where the tip is, an equation says in contact alone.
     rows = [row for row in Row if weights[row, row] > 0 and (row != Row.TIP or group.in_contact)]

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
-from typing import TYPE_CHECKING, Any
+from math import sqrt
+from typing import TYPE_CHECKING, Any, Literal
 
 from fingerlab.effects.base import Row
 from fingerlab.models.file import ParameterEstimate
@@ -255,6 +256,73 @@ class ScorePart:
     squared: float
 
 
+BudgetKind = Literal["effect", "parameters", "calibration", "between_runs", "floor", "unknown"]
+BUDGET_KINDS: tuple[BudgetKind, ...] = (
+    "effect",
+    "unknown",
+    "parameters",
+    "calibration",
+    "between_runs",
+    "floor",
+)
+"""In the order in which parts stand in a figure, those of the path first."""
+
+
+@dataclass(frozen=True)
+class BudgetPart:
+    """One part of a mean squared error.
+
+    Attributes:
+        kind: one of ``BUDGET_KINDS``. effect: id of what the path adds, where it is an effect.
+        removed: id of the one that it replaces.
+        mean_square: of the family's unit; all of a family sum to the whole.
+        low, high: least and most that the error falls by, whatever the order in which effects are added, and
+            average: over all orders; None: there is one order, or too many.
+        parameter: key of the unknown whose uncertainty weighs most, of parameters and calibration.
+    """
+
+    kind: BudgetKind
+    mean_square: float
+    effect: str = ""
+    removed: str = ""
+    low: float | None = None
+    high: float | None = None
+    average: float | None = None
+    parameter: str = ""
+
+
+@dataclass(frozen=True)
+class Budget:
+    """Parts of one family's mean squared error, by ``BUDGET_KINDS``; those of the path in its order.
+
+    ``unit`` is the family's; ``mean_square`` the square of the error that the answer tells.
+    """
+
+    unit: str
+    mean_square: float
+    parts: tuple[BudgetPart, ...]
+
+    def without(self, part: BudgetPart) -> float:
+        """Root mean square of the error with this part mended, in ``unit``."""
+        return sqrt(max(self.mean_square - part.mean_square, 0.0))
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data; ``rmse_without`` is what each part, mended, would leave."""
+        return {
+            "unit": self.unit,
+            "mean_square": self.mean_square,
+            "rmse": sqrt(self.mean_square),
+            "parts": [
+                {name: value for name, value in vars(part).items() if value not in ("", None)}
+                | {
+                    "share": part.mean_square / max(self.mean_square, 1e-300),
+                    "rmse_without": self.without(part),
+                }
+                for part in self.parts
+            ],
+        }
+
+
 @dataclass(frozen=True)
 class RunShare:
     """What one family of equations of one run adds to the squared score of the model as given.
@@ -385,7 +453,8 @@ class Diagnosis:
     ``calibration`` says what the probabilities were learned from, ``odds`` what they were before, and
     ``predicted`` what of the proposed run was.
     ``held``: unknowns that somebody held, by key, and their values, SI; all that is told holds only then.
-    ``fitted``: the model as given, as it was fitted.
+    ``budget``: what the error of each family of equations is made of.
+    ``fitted``: the model as given, as it was fitted; ``last``: the one at the end of the path.
     """
 
     sessions: tuple[str, ...]
@@ -419,7 +488,9 @@ class Diagnosis:
     predicted: Predicted | None = None
     paired: tuple[PairedDifference, ...] = ()
     held: Mapping[str, float] = field(default_factory=dict)
+    budget: Mapping[str, Budget] = field(default_factory=dict)
     fitted: FittedModel | None = field(default=None, repr=False, compare=False)
+    last: FittedModel | None = field(default=None, repr=False, compare=False)
 
     def to_json(self) -> dict[str, Any]:
         """The object of ``cli.md``, "diagnose --json", ready for ``json.dumps``."""
@@ -470,4 +541,5 @@ class Diagnosis:
             **({} if self.calibration is None else {"typical": self.calibration.typicality}),
             "calibration": None if self.calibration is None else self.calibration.to_json(),
             **({"held": dict(self.held)} if self.held else {}),
+            **({"budget": {name: one.to_json() for name, one in self.budget.items()}} if self.budget else {}),
         }

@@ -24,7 +24,7 @@ from fingerlab.diagnosis.fit.noise import (
     first_weights,
     noise_covariance,
     noise_weights,
-    row_covariance,
+    products_of_rows,
 )
 from fingerlab.diagnosis.fit.priors import starting_arms, surprise
 from fingerlab.diagnosis.fit.solver import Fitter, LeftOut
@@ -228,12 +228,7 @@ class Scorer:
         found = self._scored(fitted, fitter, misfits=misfits, in_sample=misfits, held_out=False)
         if not residuals:
             return found
-        means = {
-            g.key: np.sum([self._products(fitter, fitted.fit.values, i, k) for k in range(len(g.dealt))], 0)
-            / max(g.samples, 1)
-            for i, g in enumerate(self.reduced.groups)
-        }
-        return replace(found, residuals=means)
+        return replace(found, residuals=self.residuals_in_sample(fitted).residuals)
 
     def score_held_out(self, fitted: FittedModel, residuals: bool = False) -> FittedModel:
         """The model with every run scored by a fit that has not seen it.
@@ -396,18 +391,45 @@ class Scorer:
         told, weights = model.features(values, group), fitter.weights[group.key]
         return self.data.offsets(i, part, model, told, weights, fitter.standing(i))
 
-    def _products(self, fitter: Fitter, values: Array, i: int, k: int) -> Array:
-        """Sums of residual products over a fold, (5, 5); slack moments count where they are charged."""
+    def residuals_in_sample(self, fitted: FittedModel, own: bool = False) -> FittedModel:
+        """The model with the mean products of its residuals where it has seen every run.
+
+        Args:
+            own: take off what a run has of its own: a friction that wanders, how a tip was set down.
+        """
+        fitter, values = self._fitter(fitted), fitted.fit.values
+        told, found = fitter.coefficients(values)[0], {}
+        for i, group in enumerate(self.reduced.groups):
+            products = np.zeros((5, 5))
+            for k, fold in enumerate(group.dealt):
+                h = told[i]
+                if own:
+                    h = h + own_share(
+                        own_to_a_run(fitter.model, values, h, group, fold.condition), h, fitter.part(i, (k,))
+                    )
+                products += self._products(fitter, values, i, k, h)
+            found[group.key] = products / max(group.samples, 1)
+        return replace(fitted, residuals=found)
+
+    def _products(self, fitter: Fitter, values: Array, i: int, k: int, told: Array | None = None) -> Array:
+        """Sums of residual products over a fold, (5, 5); slack moments count where they are charged.
+
+        Args:
+            told: coefficients of the model's features, (k,); None: those of the ``values``.
+        """
         group, model = self.reduced.groups[i], fitter.model
         fold = group.folds[k]
         products, slack = fold.of(model.pick), fold.slack(model.pick)
         if slack is not None and not model.slack_free:
             products = products + slack
-        found = row_covariance(model, values, group, products, 1.0)
-        offsets = self._offsets(fitter, values, i, (k,))
-        if offsets is None:
+        if told is None:
+            told = model.features(values, group)
+        found = products_of_rows(model, told, products)
+        if self.data.constants is None:
             return found
-        return offsets.taken_off(found, model, model.features(values, group), self.data.totals(i, (k,)))
+        weights = fitter.weights[group.key]
+        offsets = self.data.offsets(i, (k,), model, told, weights, fitter.standing(i))
+        return found if offsets is None else offsets.taken_off(found, model, told, self.data.totals(i, (k,)))
 
 
 def _model_key(law: str, choices: Sequence[Choice]) -> tuple[object, ...]:
@@ -427,6 +449,15 @@ def explained(own: Array, h: Array, sums: Weighted) -> float:
     pull = own.T @ sums.matrix @ h
     stiffness = own.T @ sums.curvature @ own + np.eye(own.shape[1])
     return _gained(stiffness, pull, 0)
+
+
+def own_share(own: Array, h: Array, sums: Weighted) -> Array:
+    """What a run's own share of the features would have to be for its misfit to be least, (k,)."""
+    if not own.shape[1]:
+        return np.zeros(len(h))
+    stiffness = own.T @ sums.curvature @ own + np.eye(own.shape[1])
+    found = np.linalg.solve(stiffness, own.T @ sums.matrix @ h)
+    return np.asarray(-own @ np.clip(found, -MOST_WANDER, MOST_WANDER))
 
 
 def allowance(own: Array, h: Array, sums: Weighted, jacobian: Array, left: LeftOut) -> float:

@@ -1,0 +1,289 @@
+"""A wanted force is sent to the bench: practice first, then runs of one model, or of two in random order.
+
+1. The load cell is found, and a slow motion about there (``pose``) tells how finger and motor stand.
+2. The nominal model's torque for that pose (``practice``): the first run under torque.
+3. Each model's torque along the motion that was measured in 2, once more as practice.
+4. Each model's torque along the motion of its own practice, which is sent in the runs that count: with two
+   models in pairs, the order within each pair drawn by a seed.
+
+What is worked out between runs is worked out with the amplifier off. It ends on the first doubt: a torque
+beyond the limits or too far from the nominal one, a fingertip that does not press, presses too hard or leaves
+the load cell, a found model that does worse than the nominal one by far.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fingerlab.acquisition.control.machine import SetUp
+from fingerlab.acquisition.control.trajectories import MOST_FORCE, MOST_POSITION
+from fingerlab.acquisition.protocols.steps import Change, Find, Record, Rest, Step, WorkOut, prompt_of
+from fingerlab.core.errors import UserError
+from fingerlab.core.text import number
+from fingerlab.models.file import load_model
+from fingerlab.prediction.extended import ExtendedModel, extended_model
+from fingerlab.prediction.feed_forward import (
+    CORRECTION_SHARE,
+    FOUND,
+    NOMINAL,
+    Feed,
+    first_plan,
+    judged_feed,
+    learned_plan,
+    refuse_far,
+)
+from fingerlab.prediction.inverse import LEAD_S, TorquePlan
+from fingerlab.prediction.target import ContactPose, WantedForce, pose_of_run, wanted_force
+from fingerlab.prediction.trial import FORCE_MODEL, FORCE_TRIAL, POSE, PRACTICE, WANTED_FORCE, force_error
+from fingerlab.rig.file import Rig
+from fingerlab.sessions.model import Run
+
+LONGEST_S = 20.0
+"""Of a wanted force: so long a run is still in the ring when the next torque is learned from it."""
+MOST_PAIRS = 50
+POSE_HZ, POSE_S = 0.5, 6.0
+"""The motion that tells the pose: slow, with two whole periods after the start (assumed)."""
+HARDER, HARDER_N = 2.0, 0.5
+"""A run ends where the fingertip presses with so many times the highest wanted force and so much more, N: a
+model that is wrong by a factor of two still shows by how much, and nothing gives way (assumed)."""
+FURTHER_DEG = 15.0
+"""And where the pulley turns so much further than it has stood under force before (assumed: with four times
+the stretch of a soft cable, and far less than a finger needs to slip off the load cell)."""
+PRESSES = 0.1
+"""Share of the wanted force that a practice run presses with at least, on average; with less there is no
+contact (assumed: the thesis' bench had a quarter)."""
+WORSE = 2.0
+"""By so many times a found model's practice may miss the force more than the nominal one's, before it is
+doubted (assumed: by chance a good model does not)."""
+
+
+@dataclass(frozen=True)
+class TrialSettings:
+    """What is asked for.
+
+    Attributes:
+        model_file: written by ``diagnose --save``. wanted: JSON, or a table of time (s) and force (N).
+        pairs: runs of each model; 0: ``runs`` runs of ``variant`` alone.
+        seed: of the order. force: N, at which the contact is found. amplitude_deg: of the motion about it.
+        rest_s: between runs. correction_share: as ``CORRECTION_SHARE``.
+    """
+
+    model_file: Path
+    wanted: str
+    pairs: int = 0
+    runs: int = 1
+    variant: str = FOUND
+    seed: int = 0
+    force: float = 0.8
+    amplitude_deg: float = 2.0
+    rest_s: float = 2.0
+    correction_share: float = CORRECTION_SHARE
+
+
+@dataclass
+class ForceTrial:
+    """The steps of a trial and what is learned on the way.
+
+    Raises:
+        UserError: no such model, a model without effects where two are to be told apart, or a wanted force
+            that cannot be.
+    """
+
+    settings: TrialSettings
+    rig: Rig
+    model: ExtendedModel = field(init=False)
+    wanted: WantedForce = field(init=False)
+    _pose: ContactPose | None = None
+    _most_deg: float = 0.0
+    _plans: dict[str, TorquePlan] = field(default_factory=dict)
+    _feeds: dict[str, Feed] = field(default_factory=dict)
+    _practised: dict[str, Run] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        told = self.settings
+        self._where = str(told.model_file)
+        self.model = extended_model(load_model(told.model_file), self._where)
+        self.wanted = wanted_force(told.wanted, "--wanted")
+        if self.wanted.time[-1] > LONGEST_S:
+            raise UserError(
+                f"The wanted force lasts {self.wanted.time[-1]:.3g} s; a feed-forward that is learned from "
+                f"run to run takes up to {LONGEST_S:g} s."
+            )
+        if self.wanted.force.max() > self.rig.limits.force:
+            raise UserError(
+                f"The wanted force reaches {self.wanted.force.max():.3g} N; the rig's limit is "
+                f"{self.rig.limits.force:.3g} N."
+            )
+        if FOUND in self.names and not self.model.effect_ids:
+            raise UserError(
+                f"{self._where} holds no effect, so that nothing was found; save one with 'fingerlab "
+                "diagnose --save', or send the nominal model with '--variant nominal'."
+            )
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Models that are sent."""
+        return (NOMINAL, FOUND) if self.settings.pairs else (self.settings.variant,)
+
+    @property
+    def order(self) -> tuple[str, ...]:
+        """Which model each of the runs that count has: pairs, each in an order of its own."""
+        if not self.settings.pairs:
+            return self.names * self.settings.runs
+        rng = np.random.default_rng(self.settings.seed)
+        return tuple(
+            name for _ in range(self.settings.pairs) for name in rng.permutation(self.names).tolist()
+        )
+
+    @property
+    def attributes(self) -> dict[str, Any]:
+        """Of the session."""
+        told = self.settings
+        about = {
+            "model": told.model_file.name, "effects": list(self.model.effect_ids), "pairs": told.pairs,
+            "order": list(self.order), "seed": told.seed, "correction_share": told.correction_share,
+        }  # fmt: skip
+        return {FORCE_TRIAL: json.dumps(about)}
+
+    def steps(self) -> tuple[Step, ...]:
+        """All of them; torques are filled in as they are learned."""
+        told, set_up = self.settings, SetUp("contact", "flexion")
+        practice = dict.fromkeys((NOMINAL, *self.names))  # the first is of the nominal model in any case
+        count = 2 + len(practice) + len(self.order)
+        motion = {
+            "kind": "sine",
+            "amplitude_deg": told.amplitude_deg,
+            "frequency_hz": POSE_HZ,
+            "duration_s": POSE_S,
+        }
+        steps: list[Step] = [Change(set_up, prompt_of(set_up)), Find(told.force)]
+        steps.append(Record(1, count, "contact", "flexion", motion, 0.0, {FORCE_MODEL: POSE}))
+        steps.append(WorkOut("working out the first torque", self._take_pose))
+        steps.append(self._record(2, count, PRACTICE, self._first))
+        steps.append(WorkOut("learning from the first run", self._learn_first))
+        for place, name in enumerate(practice, start=3):
+            steps.append(self._record(place, count, f"{PRACTICE} {name}", self._planned(name)))
+            steps.append(WorkOut(f"learning from the run of the {name} model", self._learned(name)))
+        for place, name in enumerate(self.order, start=3 + len(practice)):
+            steps += [Rest(told.rest_s), self._record(place, count, name, self._fed(name))]
+        return tuple(steps)
+
+    def _record(
+        self,
+        place: int,
+        count: int,
+        name: str,
+        later: Callable[[], tuple[Mapping[str, Any], Mapping[str, Any]]],
+    ) -> Record:
+        seconds = LEAD_S + float(self.wanted.time[-1])
+        empty = {"kind": "torque", "time_s": [0.0, seconds], "torque_n_m": [0.0, 0.0], "ramp_s": 0.0}
+        return Record(place, count, "contact", "flexion", empty, 0.0, {FORCE_MODEL: name}, later)
+
+    # what is learned, with the amplifier off
+
+    def _take_pose(self, run: Run) -> None:
+        self._pose = pose_of_run(run)
+        self._look_how_far(run)
+        self._plans[PRACTICE] = self._kept(
+            first_plan(self.wanted, self.model, self._pose, self.rig, self._where)
+        )
+
+    def _learn_first(self, run: Run) -> None:
+        self._look_at(run)
+        for name in dict.fromkeys((NOMINAL, *self.names)):
+            self._plans[name] = self._learn(name, run)
+        for name, plan in self._plans.items():
+            if name in (NOMINAL, FOUND):
+                self._judge(name, plan, run)
+
+    def _learned(self, name: str) -> Callable[[Run], None]:
+        def learn(run: Run) -> None:
+            self._look_at(run)
+            self._practised[name] = run
+            self._doubt(name)
+            plan = self._learn(name, run)
+            self._judge(name, plan, run)
+            self._plans[name] = plan
+
+        return learn
+
+    def _learn(self, name: str, run: Run) -> TorquePlan:
+        assert self._pose is not None
+        variant = self.model.nominal if name == NOMINAL else self.model.extended
+        return self._kept(learned_plan(variant, self.wanted, run, self._pose, self.rig, self._where))
+
+    def _judge(self, name: str, plan: TorquePlan, run: Run) -> None:
+        feed = judged_feed(name, self.model, plan, self._plans[NOMINAL], run, self.rig, self._where)
+        refuse_far(feed, self.settings.correction_share)
+        self._feeds[name] = feed
+
+    def _look_at(self, run: Run) -> None:
+        """Raises UserError where the fingertip has hardly pressed."""
+        self._look_how_far(run)
+        start = round(LEAD_S * run.sample_rate_hz)
+        pressed, asked = (
+            float(np.mean(run.channel("endpoint_force")[start:])),
+            float(self.wanted.force.mean()),
+        )
+        if pressed < PRESSES * asked:
+            raise UserError(
+                f"The fingertip pressed with {number(pressed, 2)} N on average where {number(asked, 2)} N "
+                "were wanted; look whether the cable is tight and the finger meets the load cell."
+            )
+
+    def _look_how_far(self, run: Run) -> None:
+        reached = float(np.degrees(run.channel("motor_position").max()))
+        high = float(np.degrees(self.rig.limits.position_high))
+        self._most_deg = min(reached + FURTHER_DEG, high)
+
+    def _doubt(self, name: str) -> None:
+        """Raises UserError where the found model's practice was far worse than the nominal one's."""
+        if name != FOUND or NOMINAL not in self._practised:
+            return
+        nominal, found = (force_error(self._practised[one], self.wanted).rms for one in (NOMINAL, FOUND))
+        if found > WORSE * nominal:
+            raise UserError(
+                f"With the found model the force is missed by {1e3 * found:.0f} mN, with the nominal one by "
+                f"{1e3 * nominal:.0f} mN; the model does not fit the bench as it stands: record and diagnose "
+                "it anew."
+            )
+
+    @staticmethod
+    def _kept(plan: TorquePlan) -> TorquePlan:
+        """Raises UserError where the rig's limits are not kept."""
+        if plan.beyond:
+            raise UserError(plan.beyond[0])
+        return plan
+
+    # what is sent
+
+    def _first(self) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
+        return self._bounded(self._plans[PRACTICE]), self._told()
+
+    def _planned(self, name: str) -> Callable[[], tuple[Mapping[str, Any], Mapping[str, Any]]]:
+        return lambda: (self._bounded(self._plans[name]), self._told())
+
+    def _fed(self, name: str) -> Callable[[], tuple[Mapping[str, Any], Mapping[str, Any]]]:
+        def fed() -> tuple[Mapping[str, Any], Mapping[str, Any]]:
+            feed = self._feeds[name]
+            about = {"foretold_rms_n": feed.foretold_rms, "correction_n_m": feed.correction}
+            return self._bounded(self._plans[name]), {**self._told(), **about}
+
+        return fed
+
+    def _bounded(self, plan: TorquePlan) -> Mapping[str, Any]:
+        force = min(HARDER * float(self.wanted.force.max()) + HARDER_N, self.rig.limits.force)
+        return {**plan.trajectory(), MOST_FORCE: force, MOST_POSITION: self._most_deg}
+
+    def _told(self) -> dict[str, Any]:
+        """The wanted force with each run, 50 points a second: the file needs no other beside it."""
+        step = 5
+        points = [round(float(force), 4) for force in self.wanted.force[::step]]
+        apart = step * float(self.wanted.time[1] - self.wanted.time[0])
+        return {WANTED_FORCE: json.dumps({"lead_s": LEAD_S, "step_s": apart, "force_n": points})}

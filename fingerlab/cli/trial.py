@@ -1,0 +1,76 @@
+"""``trial``: by how much the force error fell in a session of ``record --feed-forward --ab``."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import click
+
+from fingerlab.cli.common import (
+    PATH,
+    json_option,
+    refuse_taken_early,
+    result_table,
+    table_console,
+    write_results,
+)
+from fingerlab.core.plain_data import json_ready
+from fingerlab.core.text import number
+from fingerlab.prediction.trial import CAUSES, ModelForce, Trial, analyse_trial, trial_json
+from fingerlab.report.trial_words import foretold_sentence, rest_sentence, trial_sentence
+from fingerlab.sessions import open_session
+
+
+@click.command()
+@click.argument("session_file", metavar="S.h5", type=PATH)
+@click.option("--figures", metavar="DIR", type=PATH, help="Draw wanted and measured force into a folder.")
+@json_option
+def trial(session_file: Path, figures: Path | None, json_target: str | None) -> None:
+    """Tell by how much the force error fell in a feed-forward trial, with a 90 % interval.
+
+    Beside it stands what the found model had foretold, and what is left by cause: what differs from run to
+    run, what is constant, in proportion, late, or against the direction of the force.
+    """
+    refuse_taken_early(None, figures)
+    found = analyse_trial(open_session(session_file))
+    if json_target != "-":
+        _print(found, session_file.name)
+    drawn = None
+    if figures is not None:
+        from fingerlab.report.trial_figures import trial_figures
+
+        drawn = (trial_figures(found), figures)
+    write_results(json_ready(trial_json(found)), json_target, None, drawn)
+
+
+def _print(found: Trial, name: str) -> None:
+    console = table_console()
+    models = [one for one in (found.nominal, found.found) if one is not None]
+    table = result_table(
+        *("model", ">runs", ">error, rms (mN)", ">foretold (mN)", ">largest (mN)", ">run to run (mN)"),
+        title=f"{name}: force wanted and measured",
+        padding=(0, 1, 0, 0),
+    )
+    for model in models:
+        table.add_row(*_row(model))
+    console.print(table)
+    causes = result_table("model", *(f">{cause}" for cause in CAUSES), title="The squared error by cause (%)")
+    for model in models:
+        causes.add_row(model.model, *(number(100.0 * model.parts[cause], 0) for cause in CAUSES))
+    console.print(causes)
+    for sentence in (trial_sentence(found), foretold_sentence(found), *map(rest_sentence, models[-1:])):
+        if sentence:
+            console.print(sentence, soft_wrap=True)
+
+
+def _row(model: ModelForce) -> list[str]:
+    foretold = number(1e3 * model.foretold_rms, 1) if math.isfinite(model.foretold_rms) else "–"
+    return [
+        model.model,
+        str(len(model.runs)),
+        number(1e3 * model.rms, 1),
+        foretold,
+        number(1e3 * model.peak, 1),
+        number(1e3 * model.repeatability, 1) if len(model.runs) > 1 else "–",
+    ]

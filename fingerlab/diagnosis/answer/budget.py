@@ -1,0 +1,176 @@
+"""What the mean squared error of each family of equations is made of: parts that add up to it.
+
+The whole is the error of the model as given on runs left out of the fit. The path's models stand between it
+and the floor, each with less of it; what one step takes away is a part:
+
+* an *effect*: what the error falls by where it joins the model, in the order of the path; and, where the
+  path holds few, what it falls by in every other order,
+* *parameters* and *calibration*: what the last model misses on runs left out beyond what it misses where it
+  has seen them all. It goes to the sensors as far as knowing their constants exactly would narrow what the
+  model foretells, and to the bench's and the effects' constants for the rest,
+* *between runs*: what a friction that wanders and a tip that is set down anew take up, a value for each run,
+* the *floor*: what does not repeat from cycle to cycle, by the last model,
+* the *unknown*: what is left.
+
+An effect that mends one family may cost another a little: its part is negative there. Of the others none is,
+for each is cut where nothing is left to take from.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from itertools import combinations
+from math import comb
+
+import numpy as np
+
+from fingerlab.diagnosis.answer.errors import equation_errors, told_by_equations
+from fingerlab.diagnosis.answer.results import Budget, BudgetPart, EquationError, PathStep
+from fingerlab.diagnosis.equations.parameters import CABLE_OFFSET, LOSSES, TORQUE_ZERO
+from fingerlab.diagnosis.fit.noise import misfit_floor
+from fingerlab.diagnosis.score.fitted_model import FittedModel
+from fingerlab.diagnosis.score.scorer import Scorer
+from fingerlab.diagnosis.settings import FULL_ITERATIONS
+from fingerlab.sessions.model import Array
+
+CALIBRATION = frozenset(
+    {"torque_gain", TORQUE_ZERO, "force_gain", "load_gain", *LOSSES, CABLE_OFFSET, "delay", "bench_offset"}
+)
+"""Unknowns of the sensors: gains of the current and of the load cell, zeros of the current, of a joint (which
+shows as a constant torque) and of the motor, and the clock between the channels."""
+
+MOST_ORDERED = 4
+"""Effects whose every order is tried: each further one doubles the models that have to be fitted."""
+
+
+def error_budget(
+    base: FittedModel, errors: Mapping[str, EquationError], steps: Sequence[PathStep],
+    path: Sequence[FittedModel], scorer: Scorer,
+) -> dict[str, Budget]:  # fmt: skip
+    """The budget of every family that the answer tells an error of.
+
+    Args:
+        base: the model as given. errors: its own, on runs left out. steps: the path as it is told.
+        path: its models, ``base`` first, under the weights of the last. scorer: of the later ones.
+    """
+    models = [base, *(scorer.score_held_out(one, residuals=True) for one in path[1:])]
+    levels = [{name: error.rmse**2 for name, error in errors.items()}]
+    levels += [_squares(scorer, one) for one in models[1:]]
+    last = models[-1]
+    seen = _squares(scorer, scorer.residuals_in_sample(last))
+    alike = _squares(scorer, scorer.residuals_in_sample(last, own=True))
+    floors = {
+        name: error.floor**2 for name, error in equation_errors(scorer.reduced, last, misfit_floor).items()
+    }
+    falls = _in_any_order(scorer, models, levels, steps)
+    spreads = _spreads(scorer, last)
+    result = {}
+    for name, error in errors.items():
+        whole, after = levels[0][name], levels[-1][name]
+        ends = np.minimum.accumulate([after, seen[name], alike[name], floors[name]])
+        told, between, unknown = ends[:-1] - ends[1:]
+        sensors, by_sensor, by_bench = spreads[name]
+        parts = []
+        for k, step in enumerate(steps[1:]):
+            low, high, average = falls[name][k] if falls[name] else (None, None, None)
+            fall = levels[k][name] - levels[k + 1][name]
+            parts.append(BudgetPart("effect", fall, step.added or "", step.removed or "", low, high, average))
+        parts += [
+            BudgetPart("unknown", unknown),
+            BudgetPart("parameters", (1.0 - sensors) * told, parameter=by_bench),
+            BudgetPart("calibration", sensors * told, parameter=by_sensor),
+            BudgetPart("between_runs", between),
+            BudgetPart("floor", float(ends[-1])),
+        ]
+        result[name] = Budget(
+            error.unit, whole, tuple(replace(p, mean_square=float(p.mean_square)) for p in parts)
+        )
+    return result
+
+
+def _squares(scorer: Scorer, fitted: FittedModel) -> dict[str, float]:
+    return {name: error.rmse**2 for name, error in equation_errors(scorer.reduced, fitted).items()}
+
+
+Falls = list[tuple[float, float, float]]
+"""Of each effect of a path: least, most and average; none: there is one order, or too many."""
+
+
+def _in_any_order(
+    scorer: Scorer,
+    models: Sequence[FittedModel],
+    levels: Sequence[Mapping[str, float]],
+    steps: Sequence[PathStep],
+) -> dict[str, Falls]:
+    """By how much each effect of the path lets an error fall, whatever stands in the model already.
+
+    The average is Shapley's: every order counts the same.
+    """
+    families, end = list(levels[0]), models[-1]
+    names = [step.added for step in steps[1:] if step.added and not step.removed]
+    keep = len(models[0].choices)
+    many = len(names) != len(steps) - 1 or not 2 <= len(names) <= MOST_ORDERED
+    if many or sorted(end.effect_ids[keep:]) != sorted(names):
+        return {family: [] for family in families}
+    known = {frozenset(names[:k]): level for k, level in enumerate(levels)}
+    for size in range(1, len(names)):
+        for chosen in map(frozenset, combinations(names, size)):
+            if chosen not in known:
+                choices = [c for k, c in enumerate(end.choices) if k < keep or c.effect.id in chosen]
+                fitted = scorer.fit(choices, end, FULL_ITERATIONS, end.weights)
+                known[chosen] = _squares(scorer, scorer.score_held_out(fitted, residuals=True))
+    result: dict[str, Falls] = {}
+    for family in families:
+        falls: Falls = []
+        for name in names:
+            before = [held for held in known if name not in held]
+            each = [known[held][family] - known[held | {name}][family] for held in before]
+            orders = [1.0 / (len(names) * comb(len(names) - 1, len(held))) for held in before]
+            falls.append((min(each), max(each), float(np.dot(each, orders))))
+        result[family] = falls
+    return result
+
+
+def _spreads(scorer: Scorer, fitted: FittedModel) -> dict[str, tuple[float, str, str]]:
+    """What of the error that uncertain values make is the sensors', 0 to 1, by family.
+
+    With the unknown of the sensors, and that of all others, whose exact value would narrow it most.
+    """
+    reduced, model, values = scorer.reduced, fitted.model, fitted.fit.values
+    bends: dict[str, Array] = {}
+    counts: dict[str, float] = {}
+    for group in reduced.groups:
+        jacobian = model.coefficients(values, group)[1]
+        products = group.whole.of(model.pick)
+        for name, (told, _) in told_by_equations(reduced, fitted, group).items():
+            bend = jacobian.T @ (products * told[np.ix_(model.rows, model.rows)]) @ jacobian
+            bends[name] = bends.get(name, np.zeros_like(bend)) + bend
+            counts[name] = counts.get(name, 0.0) + group.samples
+    covariance = fitted.fit.covariance
+    sensor = np.array([not u.effect and u.name in CALIBRATION for u in model.unknowns])
+    keys = [u.key for u in model.unknowns]
+    result = {}
+    for name, bend in bends.items():
+        # Knowing one value exactly takes this off the trace of bend times covariance.
+        gains = np.einsum("ij,jk,ki->i", covariance, bend, covariance) / np.maximum(
+            np.diag(covariance), 1e-300
+        )
+        whole = float(np.sum(bend * covariance))
+        left = float(np.sum(bend * _knowing(covariance, sensor))) if sensor.any() else whole
+        share = float(np.clip(1.0 - left / whole, 0.0, 1.0)) if whole > 0.0 else 0.0
+        result[name] = (share, _largest(gains, sensor, keys), _largest(gains, ~sensor, keys))
+    return result
+
+
+def _knowing(covariance: Array, known: Array) -> Array:
+    """The covariance of all where those that are ``known`` (p,) are told exactly, (p, p)."""
+    across = covariance[:, known]
+    return np.asarray(
+        covariance - across @ np.linalg.pinv(covariance[np.ix_(known, known)], hermitian=True) @ across.T
+    )
+
+
+def _largest(gains: Array, among: Array, keys: Sequence[str]) -> str:
+    places = np.flatnonzero(among)
+    return keys[places[int(np.argmax(gains[places]))]] if len(places) else ""

@@ -1,0 +1,200 @@
+"""Feed-forward: the torque over time that makes the fingertip press as wanted, learned on the bench itself.
+
+The inverse (:mod:`fingerlab.prediction.inverse`) takes the finger's pose for a straight line of the force.
+That is good to begin with; but tip and joints stick and slide, cables stretch, and play is passed, so that
+pose and states of friction depend on what came before. Hence a first run is taken with that torque, and the
+torque is found anew along the motion that was measured in it. It inverts each effect that the equations hold:
+friction, stretch, slack, ripple, springs, masses, contact, delay. What it cannot invert is what differs from
+run to run, what is faster than the torque's low-pass (a play that chatters, a knock), what no measured run
+has come to, and an error of the load cell itself, whose reading is what is wanted.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fingerlab.core.errors import UserError
+from fingerlab.diagnosis.settings import WIDE_RATE_HZ
+from fingerlab.diagnosis.signals.filters import low_pass_kernel
+from fingerlab.diagnosis.signals.scales import reduced_rig, reduced_run
+from fingerlab.diagnosis.signals.segments import segments_of
+from fingerlab.physics.motion import Motion
+from fingerlab.prediction.extended import ExtendedModel, Variant, force_rate
+from fingerlab.prediction.force import forces_of_motion, wound_beyond
+from fingerlab.prediction.inverse import LEAD_S, TorquePlan, judged_plan, needed_torque, solved_torque
+from fingerlab.prediction.target import ContactPose, WantedForce
+from fingerlab.rig.file import Rig
+from fingerlab.sessions.model import Array, Run
+
+NOMINAL, FOUND = "nominal", "found"
+"""Models of a trial: A and B."""
+CUTOFF_HZ, TAPS = 8.0, 75
+"""Low-pass of a learned torque, at the wide rate; the cutoff is the one of the equations that it comes from,
+and what the angle sensors' noise makes of the springs' torque stays out of the motor."""
+MISSED_N = 0.02
+"""A learned torque may miss the wanted force by so much at a sample: a motion that was measured under another
+torque need not have a solution everywhere (assumed: the load cell's noise)."""
+CORRECTION_SHARE = 0.5
+"""Share of the rig's limit of torque by which found and nominal torque may differ (assumed: at usual forces
+it allows three times the nominal torque and more, and yet a wrong model cannot take the motor from rest to
+its limit by itself)."""
+SIGMAS_90 = 1.645
+"""Half the 90 % interval of a normal distribution, in standard deviations."""
+
+
+def learned_in(run: Run) -> float:
+    """Seconds of a run before the wanted force begins."""
+    lead = run.trajectory.get("lead_s", LEAD_S)
+    return float(lead) if isinstance(lead, int | float) else LEAD_S
+
+
+class Along:
+    """The equations of one variant along a motion that was measured while about the wanted force was pressed.
+
+    Raises:
+        UserError: the run has gaps, or lacks a channel.
+    """
+
+    def __init__(self, variant: Variant, wanted: WantedForce, run: Run, rig: Rig, where: str) -> None:
+        self._variant, self._wanted, self._where = variant, wanted, where
+        scales = variant.scales
+        motions = list(
+            segments_of(replace(reduced_run(run, scales), phase="on_air"), reduced_rig(rig, scales))
+        )
+        if len(motions) != 1:
+            raise UserError(
+                f"Run {run.name} has gaps; close other programs, and take it again before a feed-forward is "
+                "learned from it."
+            )
+        # Force and angles are read later than the motor: on their time the motor's channels come late.
+        self._delay = variant.values.get("delay", 0.0)
+        motion = motions[0].with_motor_late(self._delay / scales.time)
+        self._time = motion.time * scales.time - learned_in(run)
+        self._values = variant.reduced({k: v for k, v in variant.values.items() if k != "delay"}, rig)
+        self._effects = [c.alone(scales) for c in variant.effects if c.effect.special != "delay"]
+        # Until it begins, the wanted force counts as held where it begins: how the tip rubbed is unknown.
+        force = np.interp(self._time, wanted.time, wanted.force)
+        self._force = np.maximum(force, 0.0) / scales.of("N")
+        self._motion = self._on_its_zero(motion)
+
+    def torque(self) -> tuple[Array, Array]:
+        """Torque that presses with the wanted force, and its half width, N m, (n,) each over ``wanted.time``.
+
+        Raises:
+            UserError: there is none.
+        """
+        scales, newton = self._variant.scales, self._variant.scales.of("N")
+        found, slope = solved_torque(self._predicted, self._force, self._where, newton, MISSED_N)
+        torque = smooth(scales.torque * found)
+        # The load cell is read ``delay`` after the motor: the torque leads by as much.
+        torque = np.interp(self._wanted.time + self._delay, self._time, torque)
+        band, force = self._variant.band, self._wanted.force
+        if band is None:
+            return np.asarray(torque), np.full(len(torque), np.nan)
+        newtons = np.interp(self._wanted.time, self._time, newton / scales.torque * np.abs(slope))
+        return np.asarray(torque), band.half_width(force, force_rate(force, WIDE_RATE_HZ)) / newtons
+
+    def force(self, torque: Array) -> Array:
+        """Force that this variant foretells of a torque (N m over ``wanted.time``), N, (n,)."""
+        scales = self._variant.scales
+        late = np.interp(self._time - self._delay, self._wanted.time, torque)
+        force = scales.of("N") * self._predicted(late / scales.torque)
+        return np.asarray(np.interp(self._wanted.time, self._time, smooth(force)))
+
+    def _on_its_zero(self, motion: Motion) -> Motion:
+        """With the motor's angle counted as in the runs of the fit: a ripple's phase is told by it.
+
+        The motor's zero is set anew for each session; where a taut cable has the motor tells what it was.
+        """
+        excess = wound_beyond(motion, self._effects, self._values, self._where)
+        shift = float(np.median(excess[self._time >= 0.0]))
+        return replace(motion, position=motion.position - shift, _memory={})
+
+    def _predicted(self, torque: Array) -> Array:
+        pulled = replace(self._motion, torque=torque, _memory={})
+        forces = forces_of_motion(pulled, self._effects, self._values, self._where, self._force)
+        weight = self._variant.pip_weight
+        mixed = weight * forces["pip"] + (1.0 - weight) * forces["mcp"]
+        return np.where(np.isfinite(mixed), mixed, forces["pip"])
+
+
+def smooth(values: Array) -> Array:
+    """Low-passed at ``CUTOFF_HZ`` without delay, (n,) at the wide rate; the ends are held."""
+    kernel = low_pass_kernel(TAPS, CUTOFF_HZ, WIDE_RATE_HZ)
+    held = np.pad(values, TAPS // 2, mode="edge")
+    return np.asarray(np.convolve(held, kernel, mode="valid"))
+
+
+@dataclass(frozen=True)
+class Feed:
+    """What one model sends, and what is foretold of it.
+
+    Attributes:
+        model: ``NOMINAL`` or ``FOUND``.
+        foretold_rms: force error that the found model foretells, with its own error on held-out runs, N; NaN
+            where that is unknown.
+        correction: most by which the torque leaves the nominal one, N m.
+    """
+
+    model: str
+    plan: TorquePlan
+    foretold_rms: float
+    correction: float
+
+
+def first_plan(
+    wanted: WantedForce, model: ExtendedModel, pose: ContactPose, rig: Rig, where: str
+) -> TorquePlan:
+    """The nominal model's torque for a pose that is a straight line of the force: that of the first run."""
+    return needed_torque(wanted, model.nominal, pose, rig, where)
+
+
+def learned_plan(
+    variant: Variant, wanted: WantedForce, run: Run, pose: ContactPose, rig: Rig, where: str
+) -> TorquePlan:
+    """The torque of a variant along the motion of ``run``, and whether the rig can give it.
+
+    Args:
+        pose: of the contact, by which motor position and sentences are told.
+
+    Raises:
+        UserError: no torque presses with the wanted force.
+    """
+    torque, half_width = Along(variant, wanted, run, rig, where).torque()
+    motion = pose.motion(rig, wanted.time, wanted.force, torque)
+    return judged_plan(wanted, pose, rig, torque, half_width, motion, variant.band)
+
+
+def judged_feed(
+    name: str, model: ExtendedModel, plan: TorquePlan, nominal: TorquePlan, run: Run, rig: Rig, where: str
+) -> Feed:
+    """A plan with what the found model foretells of it along the motion of ``run``."""
+    told = Along(model.extended, plan.wanted, run, rig, where).force(plan.torque)
+    band = model.extended.band
+    own = math.nan if band is None else float(np.mean(band.widths)) / SIGMAS_90
+    missed = told - plan.force if name == NOMINAL else np.zeros_like(told)
+    rms = math.hypot(float(np.sqrt(np.mean(missed**2))), own)
+    return Feed(name, plan, rms, float(np.abs(plan.torque - nominal.torque).max()))
+
+
+def refuse_far(feed: Feed, share: float) -> None:
+    """End where the found torque goes further from the nominal one than was allowed.
+
+    Args:
+        share: of the rig's limit of torque.
+
+    Raises:
+        UserError: it does, or the plan does not keep the rig's limits.
+    """
+    if feed.plan.beyond:
+        raise UserError(feed.plan.beyond[0])
+    most = share * feed.plan.torque_limit
+    if feed.correction > most:
+        raise UserError(
+            f"The found torque goes {1e3 * feed.correction:.4g} mN m from the nominal one, more than the "
+            f"{1e3 * most:.4g} mN m that are allowed; look at the model's parameters, or allow more with "
+            "--most-correction."
+        )

@@ -1,0 +1,281 @@
+"""By how much a found model lowers the error of a force that was wanted, beside the nominal model.
+
+Runs come in pairs, one of each model. The interval is that of the pairs drawn anew with replacement (paired
+bootstrap, Efron and Tibshirani 1993): what drifts over a session is in both runs of a pair.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fingerlab.core.errors import UserError
+from fingerlab.diagnosis.settings import WIDE_RATE_HZ
+from fingerlab.prediction.extended import LEVEL
+from fingerlab.prediction.feed_forward import FOUND, NOMINAL, smooth
+from fingerlab.prediction.target import WantedForce
+from fingerlab.sessions.model import Array, Run, Session
+
+FORCE_TRIAL, FORCE_MODEL, WANTED_FORCE = "force_trial", "force_model", "wanted_force"
+"""Attributes: of the session, what was asked for; of a run, which model sent it and what was wanted."""
+POSE, PRACTICE = "pose", "practice"
+"""Runs that only learn."""
+EDGE_S = 0.1
+"""Of the wanted force at its beginning and end, left out: the torque's ramp and the low-pass (assumed)."""
+DRAWS = 4000
+
+
+@dataclass(frozen=True)
+class ForceError:
+    """One run: measured less wanted force, low-passed at 8 Hz without delay.
+
+    Attributes:
+        time: s of the wanted force, (n,). wanted, measured: N, (n,).
+    """
+
+    time: Array
+    wanted: Array
+    measured: Array
+
+    @property
+    def error(self) -> Array:
+        """N, (n,)."""
+        return self.measured - self.wanted
+
+    @property
+    def rms(self) -> float:
+        """N."""
+        return float(np.sqrt(np.mean(self.error**2)))
+
+    @property
+    def peak(self) -> float:
+        """Largest error either way, N."""
+        return float(np.abs(self.error).max())
+
+
+def force_error(run: Run, wanted: WantedForce, lead_s: float | None = None) -> ForceError:
+    """The error of a run whose wanted force begins ``lead_s`` after it (its trajectory says when).
+
+    Raises:
+        UserError: no load cell was read.
+    """
+    lead = float(run.trajectory.get("lead_s", 0.0)) if lead_s is None else lead_s
+    read = run.load(["time", "endpoint_force"])
+    time, force = read["time"] - lead, read["endpoint_force"]
+    if not np.isfinite(force).all():
+        raise UserError(f"Run {run.name} has no load cell's reading throughout; a force error needs it.")
+    # Low-passed at the recording's rate before it is thinned: the cell's noise is white up to there.
+    grid = np.arange(time[0], time[-1], 1.0 / WIDE_RATE_HZ)
+    every = max(1, round(run.sample_rate_hz / WIDE_RATE_HZ))
+    box = np.ones(every) / every
+    mean = np.convolve(np.pad(force, (every // 2, every - 1 - every // 2), mode="edge"), box, mode="valid")
+    smoothed, asked = smooth(np.interp(grid, time, mean)), smooth(np.interp(grid, wanted.time, wanted.force))
+    kept = (grid >= EDGE_S) & (grid <= wanted.time[-1] - EDGE_S)
+    return ForceError(grid[kept], asked[kept], smoothed[kept])
+
+
+@dataclass(frozen=True)
+class TrialRun:
+    """One run that counts: name, which model, its error, and the rms that was foretold (N; NaN: none)."""
+
+    run: str
+    model: str
+    error: ForceError
+    foretold_rms: float
+
+
+@dataclass(frozen=True)
+class ModelForce:
+    """All runs of one model.
+
+    Attributes:
+        rms, peak: N, over the runs; ``peak`` is the mean of the runs' largest errors.
+        foretold_rms: N.
+        repeatability: rms of the runs about their mean, N: what no feed-forward can take away.
+        parts: share of the squared error by cause, together 1.
+    """
+
+    model: str
+    runs: tuple[TrialRun, ...]
+    rms: float
+    peak: float
+    foretold_rms: float
+    repeatability: float
+    parts: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Trial:
+    """What a trial shows.
+
+    Attributes:
+        model_file, effects: of the model. nominal, found: the latter None where one model was sent, either.
+        ratio: force error (rms) of the found model over the nominal one's; NaN without both.
+        low, high: its 90 % interval; NaN with fewer than two pairs.
+        foretold_ratio: as the found model foretold it.
+    """
+
+    model_file: str
+    effects: tuple[str, ...]
+    nominal: ModelForce | None
+    found: ModelForce | None
+    ratio: float
+    low: float
+    high: float
+    foretold_ratio: float
+
+
+def analyse_trial(session: Session) -> Trial:
+    """Force errors of a session of ``record --feed-forward``.
+
+    Raises:
+        UserError: it is no such session, or broke off before a run that counts.
+    """
+    told = _object(session.attributes.get(FORCE_TRIAL), f"{session.path}, '{FORCE_TRIAL}'")
+    if not told:
+        raise UserError(
+            f"{session.path} holds no feed-forward trial; record one with 'fingerlab record --feed-forward "
+            "MODEL.json --wanted FORCE.csv --ab 5'."
+        )
+    runs = [_run(run, session) for run in session.runs if run.attributes.get(FORCE_MODEL) in (NOMINAL, FOUND)]
+    if not runs:
+        raise UserError(
+            f"{session.path} broke off while it practised; 'fingerlab info' shows its notes, which say why."
+        )
+    by_model = {name: [run for run in runs if run.model == name] for name in (NOMINAL, FOUND)}
+    nominal, found = (_together(name, mine) if mine else None for name, mine in by_model.items())
+    ratio = foretold = low = high = math.nan
+    if nominal is not None and found is not None:
+        ratio, foretold = found.rms / nominal.rms, found.foretold_rms / nominal.foretold_rms
+        pairs = min(len(nominal.runs), len(found.runs))
+        low, high = _interval(
+            [run.error.rms for run in nominal.runs[:pairs]], [run.error.rms for run in found.runs[:pairs]]
+        )
+    effects = tuple(str(one) for one in told.get("effects", ()))
+    return Trial(str(told.get("model", "")), effects, nominal, found, ratio, low, high, foretold)
+
+
+def _run(run: Run, session: Session) -> TrialRun:
+    where = f"{session.path}, run {run.name}, '{WANTED_FORCE}'"
+    told = _object(run.attributes.get(WANTED_FORCE), where)
+    try:
+        force = np.asarray(told["force_n"], dtype=np.float64)
+        time = np.asarray(np.arange(len(force)) * float(told["step_s"]), dtype=np.float64)
+        wanted, lead = WantedForce({}, time, force), float(told["lead_s"])
+        foretold = float(run.attributes.get("foretold_rms_n", math.nan))
+    except (KeyError, TypeError, ValueError):
+        raise UserError(f"{where} is damaged; record the trial again.") from None
+    return TrialRun(run.name, str(run.attributes[FORCE_MODEL]), force_error(run, wanted, lead), foretold)
+
+
+def _object(text: Any, where: str) -> dict[str, Any]:
+    if text is None:
+        return {}
+    try:
+        found = json.loads(text)
+    except (TypeError, ValueError):
+        raise UserError(f"{where} is no JSON; record the trial again.") from None
+    return found if isinstance(found, dict) else {}
+
+
+def _together(name: str, runs: Sequence[TrialRun]) -> ModelForce:
+    length = min(len(run.error.error) for run in runs)
+    errors = np.stack([run.error.error[:length] for run in runs])
+    rms = float(np.sqrt(np.mean([run.error.rms**2 for run in runs])))
+    scatter = errors - errors.mean(axis=0)
+    # Of few runs the mean takes a part of their scatter with it.
+    of_scatter = float((scatter**2).sum() / length / (len(runs) - 1)) if len(runs) > 1 else 0.0
+    parts = _parts(errors.mean(axis=0), runs[0].error.wanted[:length], of_scatter, len(runs))
+    peak = float(np.mean([run.error.peak for run in runs]))
+    return ModelForce(name, tuple(runs), rms, peak, runs[0].foretold_rms, math.sqrt(of_scatter), parts)
+
+
+STEEP = 4.0
+"""How sharply friction turns round with the rate of the force, over its rms; assumed."""
+ALIKE = 1e-6
+"""Share of a column below which what is left of it beside others is rounding."""
+CAUSES = {
+    "offset": "a constant force",
+    "gain": "in proportion to the wanted force",
+    "delay": "late or early",
+    "friction": "against the direction of the force",
+    "scatter": "differs from run to run",
+    "rest": "the rest, which repeats",
+}
+"""What of a force error each part is."""
+
+
+def _parts(mean: Array, wanted: Array, scatter: float, runs: int) -> dict[str, float]:
+    """Shares of the squared error: what differs from run to run, and of their mean one cause after the other.
+
+    The cause that explains most comes first, and each takes what those before it have left (forward
+    selection, sequential sums of squares), so that together they are 1.
+    """
+    rate = np.gradient(wanted, 1.0 / WIDE_RATE_HZ)
+    level = float(np.sqrt(np.mean(rate**2))) or 1.0
+    columns = {
+        "offset": np.ones_like(wanted), "gain": wanted - wanted.mean(), "delay": rate / level,
+        "friction": np.tanh(STEEP * rate / level),
+    }  # fmt: skip
+    left, shares = mean.copy(), dict.fromkeys(CAUSES, 0.0)
+    basis: list[Array] = []
+    while columns:
+        explained = {name: _projected(left, column, basis) for name, column in columns.items()}
+        best = max(explained, key=lambda name: float(np.mean(explained[name][0] ** 2)))
+        part, direction = explained[best]
+        shares[best], left = float(np.mean(part**2)), left - part
+        basis.append(direction)
+        del columns[best]
+    rest = float(np.mean(left**2))
+    by_chance = min(scatter / runs, rest)  # of the runs' scatter in their mean
+    shares["scatter"] = scatter * (1.0 - 1.0 / runs) + by_chance
+    shares["rest"] = rest - by_chance
+    total = sum(shares.values()) or 1.0
+    return {name: shares[name] / total for name in CAUSES}
+
+
+def _projected(left: Array, column: Array, basis: Sequence[Array]) -> tuple[Array, Array]:
+    """What a column explains beyond the basis (orthogonal columns), and its part orthogonal to them."""
+    own = column.copy()
+    for one in basis:
+        own -= (own @ one) / max(float(one @ one), 1e-300) * one
+    size = float(own @ own)
+    if size <= ALIKE * float(column @ column):
+        return np.zeros_like(left), np.zeros_like(left)
+    return np.asarray((left @ own) / size * own), own
+
+
+def _interval(nominal: Sequence[float], found: Sequence[float]) -> tuple[float, float]:
+    """90 % interval of the ratio of rms errors, pairs drawn anew; NaN with fewer than two."""
+    if len(nominal) < 2:
+        return math.nan, math.nan
+    squares = np.array([nominal, found]) ** 2
+    drawn = np.random.default_rng(0).integers(len(nominal), size=(DRAWS, len(nominal)))
+    ratios = np.sqrt(squares[1][drawn].mean(axis=1) / squares[0][drawn].mean(axis=1))
+    low, high = np.quantile(ratios, [(1.0 - LEVEL) / 2.0, (1.0 + LEVEL) / 2.0])
+    return float(low), float(high)
+
+
+def trial_json(trial: Trial) -> dict[str, Any]:
+    """The JSON of ``fingerlab trial``: SI units."""
+
+    def of(model: ModelForce | None) -> dict[str, Any] | None:
+        if model is None:
+            return None
+        return {
+            "rms": model.rms, "peak": model.peak, "foretold_rms": model.foretold_rms,
+            "repeatability": model.repeatability, "parts": dict(model.parts),
+            "by_run": [{"run": r.run, "rms": r.error.rms, "peak": r.error.peak} for r in model.runs],
+        }  # fmt: skip
+
+    interval = {"level": LEVEL, "low": trial.low, "high": trial.high}
+    return {
+        "schema": 1, "model": trial.model_file, "effects": list(trial.effects), "unit": "N",
+        "nominal": of(trial.nominal), "found": of(trial.found),
+        "ratio": {"value": trial.ratio, "interval": interval, "foretold": trial.foretold_ratio},
+    }  # fmt: skip

@@ -1,0 +1,204 @@
+"""What an error is made of and what would mend it, in words, and as a table that adds up."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import sqrt
+
+from fingerlab.core.text import decimals_for, fixed, percent, screen_unit, with_minus
+from fingerlab.diagnosis.answer.results import Budget, BudgetPart, Diagnosis
+from fingerlab.effects import find_effect
+from fingerlab.report.diagnosis_words import FAMILY_TITLES, effect_title, in_sentence, judged_on
+from fingerlab.report.parameter_words import parameter_title
+from fingerlab.report.score_words import apportioned
+
+TITLES = {
+    "unknown": "Not in the catalogue",
+    "parameters": "Constants of the bench",
+    "calibration": "Sensors and their calibration",
+    "between_runs": "Differs from run to run",
+    "floor": "Floor",
+}
+"""Of the parts that are no effect."""
+
+PART_HELP = {
+    "effect": "What the error falls by where this effect joins the model, in the order of the error path.",
+    "unknown": "What the last model of the path still misses, above the floor.",
+    "parameters": "What the last model misses on runs left out and not on runs that it has seen, for its own "
+    "constants and the bench's.",
+    "calibration": "The same, for gains and zeros of the sensors.",
+    "between_runs": "Friction that wanders and a tip that is set down anew, a value for each run.",
+    "floor": "What does not repeat from cycle to cycle.",
+}
+
+MENDS = {
+    "unknown": "No effect of the catalogue tells it: record the proposed run, or write an effect yourself.",
+    "parameters": "Record more runs, or measure by hand what weighs most: {}.",
+    "calibration": "Calibrate anew what weighs most: {}.",
+    "between_runs": "Warm the bench up and set the finger down alike before every run.",
+    "floor": "No model goes below it; quieter sensors do, and means over many cycles.",
+}
+
+WORTH_NAMING = 0.01
+"""Of a squared error; what brings less is not named among what is worth mending."""
+MOST_NAMED = 4
+
+
+@dataclass(frozen=True)
+class BudgetRow:
+    """One part over all families.
+
+    Attributes:
+        title: of the part. shares: of the squared error of every family, in per cent, as text; the column
+            sums to 100.0. help: what the part is.
+    """
+
+    title: str
+    shares: tuple[str, ...]
+    help: str
+
+
+@dataclass(frozen=True)
+class BudgetTable:
+    """``families``: titles of the columns. ``errors``: rms with unit, the last row."""
+
+    families: tuple[str, ...]
+    rows: tuple[BudgetRow, ...]
+    errors: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class BudgetLine:
+    """One part of one family's squared error.
+
+    Attributes:
+        kind: as in ``results.BUDGET_KINDS``. title: in words.
+        tenths: its share in tenths of a per cent; those of a budget sum to 1000.
+        fall: mean square, of the family's unit.
+        orders: the share in other orders of the effects, in per cent; empty: there is one order.
+        after: error (rms) without this part, with unit. how: what mends it, a sentence. help: what it is.
+    """
+
+    kind: str
+    title: str
+    tenths: int
+    fall: float
+    orders: str
+    after: str
+    how: str
+    help: str
+
+
+def part_title(part: BudgetPart) -> str:
+    """``Cable stretch``, ``Floor``."""
+    if part.kind != "effect":
+        return TITLES[part.kind]
+    instead = f" for {in_sentence(effect_title(part.removed))}" if part.removed else ""
+    return f"{effect_title(part.effect)}{instead}"
+
+
+def mend_words(part: BudgetPart) -> str:
+    """What to do about a part, a sentence; empty where nobody knows."""
+    if part.kind == "effect":
+        one = find_effect(part.effect)
+        return "" if one is None else one.mend
+    title = parameter_title(part.parameter, [part.parameter]) if part.parameter else "every constant"
+    return MENDS[part.kind].format(in_sentence(title.replace(", off by", "")))
+
+
+def main_family(budgets: Mapping[str, Budget]) -> str:
+    """The family that is asked for first: the endpoint force, else the joints' torque, else any."""
+    wanted = ("endpoint_force", "joint_torque", "motor_torque")
+    return next((name for name in wanted if name in budgets), next(iter(budgets)))
+
+
+def budget_table(budgets: Mapping[str, Budget]) -> BudgetTable | None:
+    """Every part of every family; None where none is known."""
+    if not budgets:
+        return None
+    columns = [tenths(one) for one in budgets.values()]
+    parts = next(iter(budgets.values())).parts
+    rows = tuple(
+        BudgetRow(
+            part_title(part), tuple(with_minus(fixed(0.1 * c[k], 1)) for c in columns), PART_HELP[part.kind]
+        )
+        for k, part in enumerate(parts)
+    )
+    titles = tuple(FAMILY_TITLES.get(name, name) for name in budgets)
+    return BudgetTable(titles, rows, tuple(_error(one, sqrt(one.mean_square)) for one in budgets.values()))
+
+
+def tenths(budget: Budget) -> list[int]:
+    """Every part's share of the squared error in tenths of a per cent; they sum to 1000."""
+    whole = max(budget.mean_square, 1e-300)
+    return apportioned([1000.0 * part.mean_square / whole for part in budget.parts], 1.0)
+
+
+def budget_lines(budget: Budget) -> tuple[BudgetLine, ...]:
+    """Every part, in the budget's order."""
+    return tuple(
+        BudgetLine(
+            part.kind,
+            part_title(part),
+            count,
+            part.mean_square,
+            _orders(part, budget.mean_square),
+            _error(budget, budget.without(part)),
+            mend_words(part),
+            PART_HELP[part.kind],
+        )
+        for part, count in zip(budget.parts, tenths(budget), strict=True)
+    )
+
+
+def worth_mending(budget: Budget) -> list[BudgetLine]:
+    """What is worth mending, first things first: not the floor, and nothing that brings next to nothing."""
+    least = max(WORTH_NAMING * budget.mean_square, 1e-300)
+    lines = [one for one in budget_lines(budget) if one.kind != "floor" and one.fall >= least]
+    return sorted(lines, key=lambda one: -one.fall)[:MOST_NAMED]
+
+
+def _orders(part: BudgetPart, whole: float) -> str:
+    if part.low is None or part.high is None or part.average is None:
+        return ""
+    low, high, average = (with_minus(f"{100 * v / whole:.0f}") for v in (part.low, part.high, part.average))
+    return f"{low} to {high}, mean {average}"
+
+
+def _error(budget: Budget, value: float) -> str:
+    """An error with its unit; all of one budget have the same decimals."""
+    whole = sqrt(budget.mean_square)
+    unit = screen_unit(budget.unit, whole)
+    return f"{fixed(unit.factor * value, decimals_for(0.03 * unit.factor * whole))} {unit.symbol}"
+
+
+def mending_sentence(diagnosis: Diagnosis) -> str:
+    """What to mend first, and what it brings; empty where the budget is not known."""
+    if not diagnosis.budget:
+        return ""
+    family = main_family(diagnosis.budget)
+    title = in_sentence(FAMILY_TITLES.get(family, family))
+    budget = diagnosis.budget[family]
+    found = worth_mending(budget)
+    if not found:
+        return f"Of the error of the {title}, all but the floor is too small to be worth mending."
+    first = found[0]
+    return (
+        f"Worth mending first: {in_sentence(first.title)}, {_share(first)} of the squared error of the "
+        f"{title} on {judged_on(diagnosis)}. Without it the error would be {first.after} instead of "
+        f"{_error(budget, sqrt(budget.mean_square))}. {first.how}".rstrip()
+    )
+
+
+def _share(one: BudgetLine) -> str:
+    return percent(one.tenths / 1000.0, counted=True)
+
+
+def mend_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
+    """Part, share, error without it, and what to do: for a table, of the family that is asked for first."""
+    if not diagnosis.budget:
+        return []
+    found = worth_mending(diagnosis.budget[main_family(diagnosis.budget)])
+    shares = [f"{_share(one)} (in other orders {one.orders})" if one.orders else _share(one) for one in found]
+    return [(one.title, share, one.after, one.how) for one, share in zip(found, shares, strict=True)]

@@ -1,0 +1,185 @@
+"""Force errors of a trial: known by construction, and on the simulated rig with an effect."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from fingerlab.cli.main import cli
+from fingerlab.core.errors import UserError
+from fingerlab.models.file import write_model
+from fingerlab.prediction import fit_extended, model_of_extended
+from fingerlab.prediction.trial import Trial, analyse_trial
+from fingerlab.report.trial_words import rest_sentence, trial_sentence
+from fingerlab.rig.file import Motor, Rig
+from fingerlab.sessions import open_session
+from fingerlab.sessions.model import Run, Session
+
+RATE, LEAD, SECONDS = 1000.0, 2.0, 8.0
+
+
+def wanted(time: np.ndarray) -> np.ndarray:
+    return 1.0 + 0.5 * np.sin(np.pi * time)
+
+
+def made(errors: list[tuple[str, Callable[[np.ndarray], np.ndarray]]]) -> Trial:
+    """A session whose runs miss the wanted force by these errors."""
+    time = np.arange(round((LEAD + SECONDS) * RATE)) / RATE
+    points = [round(float(f), 6) for f in wanted(np.arange(0.0, SECONDS + 0.01, 0.02))]
+    about = json.dumps({"lead_s": LEAD, "step_s": 0.02, "force_n": points})
+    runs = tuple(
+        Run.from_arrays(
+            {"endpoint_force": wanted(time - LEAD) + error(time - LEAD)}, name=f"{k:03d}", phase="contact",
+            cable="flexion", sample_rate_hz=RATE,
+            attributes={"force_model": model, "wanted_force": about, "foretold_rms_n": 0.1},
+        )
+        for k, (model, error) in enumerate(errors, start=1)
+    )  # fmt: skip
+    told = {"force_trial": json.dumps({"model": "M.json", "effects": ["coulomb_friction"]})}
+    rig = Rig(None, Motor(torque_constant=0.0302, gear_ratio=4.3, pulley_radius=0.015, inertia=None))
+    return analyse_trial(Session(Path("made.h5"), "", "", rig, runs, told))
+
+
+def constant(value: float) -> Callable[[np.ndarray], np.ndarray]:
+    return lambda time: np.full_like(time, value)
+
+
+def test_rms_peak_and_ratio_of_constant_errors() -> None:
+    found = made([(m, constant(e)) for m, e in [("nominal", 0.1), ("found", 0.02), ("found", 0.04),
+                                                ("nominal", 0.1)]])  # fmt: skip
+    assert found.nominal is not None
+    assert found.found is not None
+    assert found.nominal.rms == pytest.approx(0.1, abs=2e-4)
+    assert found.found.rms == pytest.approx(math.sqrt((0.02**2 + 0.04**2) / 2), abs=2e-4)
+    assert found.found.peak == pytest.approx(0.03, abs=1e-3)
+    # Two pairs: each drawn twice at the ends, so that the interval is that of the single pairs.
+    assert (found.low, found.high) == (pytest.approx(0.2, abs=4e-3), pytest.approx(0.4, abs=4e-3))
+    # Variance of 0.02 and 0.04 about 0.03 with one degree of freedom.
+    assert found.found.repeatability == pytest.approx(0.01 * math.sqrt(2.0), rel=1e-2)
+    assert trial_sentence(found).startswith("The force error fell from 100.0 mN to 31.6 mN, to 32 %")
+
+
+@pytest.mark.parametrize(
+    ("cause", "error"),
+    [
+        ("offset", constant(0.05)),
+        ("gain", lambda time: 0.1 * (wanted(time) - 1.0)),
+        ("delay", lambda time: wanted(time - 0.02) - wanted(time)),
+        ("friction", lambda time: 0.05 * np.sign(np.cos(np.pi * time))),
+        ("rest", lambda time: 0.05 * np.sin(7.0 * np.pi * time)),
+    ],
+)
+def test_each_cause_is_told(cause: str, error: Callable[[np.ndarray], np.ndarray]) -> None:
+    found = made([("nominal", constant(0.1)), ("found", error)]).found
+    assert found is not None
+    assert sum(found.parts.values()) == pytest.approx(1.0)
+    assert max(found.parts, key=lambda name: found.parts[name]) == cause
+    assert found.parts[cause] > 0.9
+
+
+def test_what_differs_from_run_to_run_is_scatter() -> None:
+    errors = [("found", lambda time, k=k: 0.05 * np.sin(9.0 * time + 2.1 * k)) for k in range(3)]
+    found = made(errors).found
+    assert found is not None
+    assert found.parts["scatter"] > 0.95
+    assert "differs from run to run" in rest_sentence(found)
+
+
+def test_a_session_that_is_no_trial_is_one_sentence() -> None:
+    rig = Rig(None, Motor(torque_constant=0.0302, gear_ratio=4.3, pulley_radius=0.015, inertia=None))
+    with pytest.raises(UserError, match="holds no feed-forward trial"):
+        analyse_trial(Session(Path("plain.h5"), "", "", rig, (), {}))
+
+
+EFFECT = ("--effect", "spring_hardening=x1.5", "--seed", "4")
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A model with the effect that the simulated bench has, from a short session of it."""
+    from fingerlab.twin.effects import parse_effects
+    from fingerlab.twin.protocols import load_preset, single_run
+    from fingerlab.twin.session import write_session
+
+    folder = tmp_path_factory.mktemp("trial")
+    air = {"kind": "multisine", "frequency_hz": 0.7, "duration_s": 10.0}
+    plans = [
+        single_run({**air, "amplitude_deg": 12.0, "offset_deg": 22.0}, "on_air", "extension"),
+        single_run({**air, "amplitude_deg": 8.0, "offset_deg": 14.0}, "on_air", "flexion"),
+    ]
+    for frequency in (0.5, 0.8):
+        motion = {"kind": "sine", "amplitude_deg": 1.6, "frequency_hz": frequency, "duration_s": 10.0}
+        plans.append(single_run(motion, "contact"))
+    session, kept = folder / "S.h5", folder / "M.json"
+    write_session(session, load_preset("practice"), "t", plans, parse_effects(EFFECT[1:2]), 4)
+    write_model(model_of_extended(fit_extended([open_session(session)], ["spring_hardening"])), kept)
+    return kept
+
+
+@pytest.fixture(autouse=True)
+def _short_pose(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("fingerlab.acquisition.protocols.force_trial.POSE_S", 4.0)
+
+
+def record(model: Path, out: Path, wish: dict[str, object], *more: str) -> object:
+    return CliRunner().invoke(
+        cli,
+        ["record", "--feed-forward", str(model), "--wanted", json.dumps(wish), "--device", "simulated",
+         "--rest", "0.1", "--out", str(out), *EFFECT, *more],
+    )  # fmt: skip
+
+
+WISH = {"kind": "sine", "mean_n": 0.9, "amplitude_n": 0.4, "frequency_hz": 0.5, "duration_s": 3.0}
+
+
+def test_on_the_simulated_rig_the_error_falls(model: Path, tmp_path: Path) -> None:
+    out = tmp_path / "T.h5"
+    done = record(model, out, WISH, "--ab", "1")
+    assert done.exit_code == 0, done.exception  # type: ignore[attr-defined]
+    session = open_session(out)
+    sent = [run.attributes["force_model"] for run in session.runs]
+    assert sent[:4] == ["pose", "practice", "practice nominal", "practice found"]
+    assert sorted(sent[4:]) == ["found", "nominal"]
+    assert json.loads(session.runs[-1].attributes["wanted_force"])["force_n"][0] == pytest.approx(0.9)
+    shown = CliRunner().invoke(cli, ["trial", str(out), "--json", "-"])
+    told = json.loads(shown.stdout)
+    assert told["ratio"]["value"] < 0.5
+    assert told["found"]["rms"] < 0.02  # N; the load cell's noise, low-passed, is 2 mN
+    assert told["ratio"]["interval"]["low"] is None
+
+
+def test_it_ends_where_the_force_is_beyond_what_was_allowed(
+    model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A bound below the wanted force stands for a finger that presses far harder than it should."""
+    monkeypatch.setattr("fingerlab.acquisition.protocols.force_trial.HARDER", 0.1)
+    out = tmp_path / "T.h5"
+    done = record(model, out, WISH, "--ab", "1")
+    assert "stay below" in str(done.exception)  # type: ignore[attr-defined]
+    session = open_session(out)
+    assert [run.attributes["force_model"] for run in session.runs] == ["pose", "practice"]
+    force = session.runs[1].channel("endpoint_force")
+    assert force.max() < 0.9  # the wanted force was never reached
+
+
+@pytest.mark.parametrize(
+    ("wish", "more", "words"),
+    [
+        ({**WISH, "duration_s": 30.0}, (), "takes up to 20 s"),
+        ({**WISH, "mean_n": 11.0}, (), "the rig's limit is 10 N"),
+        (WISH, ("--phase", "contact"), "leave out --phase"),
+        (WISH, ("--ab", "2", "--runs", "3"), "leave out --runs"),
+    ],
+)
+def test_what_cannot_be_sent_is_one_sentence(
+    model: Path, tmp_path: Path, wish: dict[str, object], more: tuple[str, ...], words: str
+) -> None:
+    done = record(model, tmp_path / "T.h5", wish, *more)
+    assert words in str(done.exception)  # type: ignore[attr-defined]
+    assert not (tmp_path / "T.h5").exists()

@@ -1,0 +1,82 @@
+"""What would mend the error: bars that follow one another from all of it to nothing, and a table beside."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pyqtgraph as pg
+import pytest
+from PySide6.QtCore import Qt
+from PySide6.QtTest import QTest
+from PySide6.QtWidgets import QComboBox, QTableWidget
+from pytestqt.qtbot import QtBot
+
+from fingerlab.diagnosis.answer.results import Budget, BudgetPart, Diagnosis
+from fingerlab.sessions.model import Session
+from fingerlab.ui.app.window import MainWindow
+from fingerlab.ui.lab.budget import BudgetPlot
+
+from ..hands import child, invented_diagnosis, lab_of, wait_for_result
+
+pytestmark = pytest.mark.qt_log_ignore("This plugin does not support")
+
+FORCE, TORQUE = 0.5**2, 0.0048**2
+# Thirds, which no decimal holds; beside the effect of the torque the other one costs a little.
+BUDGETS = {
+    "joint_torque": Budget("N m", TORQUE, (
+        BudgetPart("effect", TORQUE * 1.1, "coulomb_friction", "", TORQUE * 0.9, TORQUE * 1.1, TORQUE),
+        BudgetPart("effect", -TORQUE / 3, "cable_stretch", "", -TORQUE / 3, TORQUE / 3, 0.0),
+        BudgetPart("unknown", 0.0), BudgetPart("parameters", 0.0, parameter="arm_mcp@extension"),
+        BudgetPart("calibration", 0.0, parameter="torque_gain"), BudgetPart("between_runs", 0.0),
+        BudgetPart("floor", TORQUE * (1 - 1.1 + 1 / 3)),
+    )),
+    "endpoint_force": Budget("N", FORCE, (
+        BudgetPart("effect", FORCE / 3, "coulomb_friction"), BudgetPart("effect", FORCE / 3, "cable_stretch"),
+        BudgetPart("unknown", FORCE / 12),
+        BudgetPart("parameters", FORCE / 12, parameter="arm_mcp@extension"),
+        BudgetPart("calibration", FORCE / 24, parameter="force_gain"), BudgetPart("between_runs", 0.0),
+        BudgetPart("floor", FORCE / 8),
+    )),
+}  # fmt: skip
+
+
+@pytest.fixture
+def window(qtbot: QtBot, make_window: Callable[..., MainWindow], session_file: Path) -> MainWindow:
+    def diagnose(sessions: Sequence[Session], added: tuple[str, ...], *rest: object) -> Diagnosis:
+        found = invented_diagnosis(sessions, added, *rest)  # type: ignore[arg-type]
+        return replace(found, budget=BUDGETS)
+
+    window = make_window(diagnose=diagnose)
+    window.context.open_paths([session_file])
+    wait_for_result(qtbot, window)
+    return window
+
+
+def spans(plot: BudgetPlot) -> tuple[list[float], list[float]]:
+    bars = next(item for item in plot.getPlotItem().items if isinstance(item, pg.BarGraphItem))
+    return list(bars.opts["x0"]), list(bars.opts["x1"])
+
+
+def test_bars_follow_one_another_and_the_table_adds_up(window: MainWindow) -> None:
+    QTest.keyClick(lab_of(window).view.candidates.view, Qt.Key.Key_F7, Qt.KeyboardModifier.ShiftModifier)
+    plot, table = child(window, BudgetPlot, "budgetPlot"), child(window, QTableWidget, "budgetTable")
+    family = child(window, QComboBox, "budgetFamily")
+    assert plot.isVisible()
+    assert family.currentText() == "endpoint force"
+    low, high = spans(plot)
+    assert (low[0], high[0], high[1], low[-1]) == pytest.approx((0.0, 100.0, 100.0, 0.0), abs=1e-9)
+    assert low[1:-1] == pytest.approx(high[2:])  # each begins where the last one ended
+    shares = [float(table.item(row, 1).text().replace("−", "-")) for row in range(7)]
+    assert sum(shares) == pytest.approx(100.0, abs=1e-9)
+    np.testing.assert_allclose(np.subtract(high, low)[1:], shares, atol=1e-9)
+    # A third less of the square is the root of two thirds of 0.5 N.
+    assert table.item(0, 3).text() == "0.408 N"
+    assert table.item(1, 4).text() == "Use a stiffer or a shorter cable."
+    family.setCurrentIndex(family.findData("joint_torque"))
+    shares = [float(table.item(row, 1).text().replace("−", "-")) for row in range(7)]
+    assert shares[:2] == [110.0, -33.3]
+    assert sum(shares) == pytest.approx(100.0, abs=1e-9)
+    assert table.item(0, 2).text() == "90 to 110, mean 100"
