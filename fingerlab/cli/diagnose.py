@@ -27,10 +27,14 @@ from fingerlab.core.files import refuse_taken
 from fingerlab.core.progress import second_process
 
 if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
     from rich.console import Console
     from rich.table import Table
 
     from fingerlab.diagnosis.answer.results import Diagnosis
+    from fingerlab.diagnosis.draft.laws import DraftLaw
+    from fingerlab.diagnosis.gram.reduction import Reduction
     from fingerlab.models.file import Model
     from fingerlab.sessions import Session
 
@@ -59,6 +63,18 @@ if TYPE_CHECKING:
     help="Draw the error path, where the model fails, and the effects' fingerprints into a folder.",
 )
 @click.option(
+    "--draft",
+    is_flag=True,
+    help="Draft a law for what the catalogue does not explain; takes some seconds more.",
+)
+@click.option(
+    "--draft-effect",
+    "own_file",
+    metavar="FILE.py",
+    type=PATH,
+    help="Write the best drafted law as an effect of your own, to be edited.",
+)
+@click.option(
     "--budget", is_flag=True, help="Tell what each error is made of, and what on the bench would mend it."
 )
 @json_option
@@ -68,6 +84,8 @@ def diagnose(
     held: tuple[str, ...],
     model_file: Path | None,
     figures: Path | None,
+    draft: bool,
+    own_file: Path | None,
     budget: bool,
     json_target: str | None,
 ) -> None:
@@ -78,6 +96,9 @@ def diagnose(
     ('fingerlab compare').
     """
     fixed = dict(map(_held, held))
+    if own_file is not None:
+        _check_own_file(own_file)
+    laws: tuple[DraftLaw, ...] | None = None
     # Curves are kept by one process only, so that a second one would have nothing to do.
     with second_process(() if figures else sessions, "fingerlab.diagnosis.gram.reduction") as executor:
         refuse_taken_early(model_file, figures)
@@ -89,17 +110,82 @@ def diagnose(
         bar, report = progress_bar("Diagnosing")
         with bar:
             curves = figures is not None
-            result = run(opened, added, report, with_curves=curves, executor=executor, held=fixed)
+            kept = _to_draft_from(opened, executor) if draft or own_file is not None else None
+            result = run(opened, added, report, with_curves=curves, executor=executor, held=fixed, kept=kept)
+        if kept is not None:
+            laws = _laws(kept, result)
     effects = added or result.final_model
     saved = None if model_file is None else (_model(opened, effects, fixed), model_file)
     if json_target != "-":
         _print(result, _as_an_arc(opened[0]), budget)
+        if laws is not None:
+            _print_laws(laws)
     drawn = None
     if figures is not None:
         from fingerlab.report.diagnosis_figures import diagnosis_figures
 
         drawn = (diagnosis_figures(result), figures)
-    write_results(result.to_json(), json_target, saved, drawn)
+    told = (
+        result.to_json() if laws is None else {**result.to_json(), "draft": [law.to_json() for law in laws]}
+    )
+    write_results(told, json_target, saved, drawn)
+    if own_file is not None and laws:
+        from fingerlab.diagnosis.draft.own_file import own_effect_text
+        from fingerlab.effects.own import save_own
+
+        save_own(own_file, own_effect_text(own_file, laws[0]))
+        click.echo(
+            f"{own_file} is written; put its texts right, then let it in with 'fingerlab effects --trust "
+            f"{own_file.name}'.",
+            err=True,
+        )
+    elif own_file is not None:
+        click.echo(f"No law was drafted, so that {own_file} is not written.", err=True)
+
+
+def _check_own_file(path: Path) -> None:
+    """Find out before the work that no effect could be written there.
+
+    Raises:
+        UserError: the name makes no effect's id, or the place is taken.
+    """
+    from fingerlab.effects.own import own_name
+
+    own_name(path)
+    refuse_taken(path)
+
+
+def _to_draft_from(sessions: Sequence[Session], executor: Executor | None) -> Reduction:
+    from fingerlab.diagnosis.gram.reduction import Reduction
+
+    return Reduction(sessions, executor)
+
+
+def _laws(kept: Reduction, result: Diagnosis) -> tuple[DraftLaw, ...]:
+    """Laws drafted from what the diagnosis leaves."""
+    from fingerlab.core.progress import Watch
+    from fingerlab.diagnosis.draft.laws import draft_laws
+
+    best_first = [c.effect for c in sorted(result.candidates, key=lambda c: c.score)]
+    bar, report = progress_bar("Drafting a law")
+    with bar:
+        return draft_laws(kept, result.last, result.fitted, best_first, Watch(report, None))
+
+
+def _print_laws(laws: Sequence[DraftLaw]) -> None:
+    from rich.text import Text
+
+    from fingerlab.diagnosis.draft.laws import NOTHING_DRAFTED
+
+    console = table_console()
+    console.print(Text(f"\n{'Drafted laws, best first:' if laws else NOTHING_DRAFTED}"))
+    for number, law in enumerate(laws, 1):
+        console.print(Text(f"{number}. {law.title}", style="bold"))
+        console.print(Text(law.story))
+    if laws:
+        console.print(
+            Text("To go on with the first: --draft-effect FILE.py; see 'fingerlab effects --help'.")
+        )
 
 
 def _held(text: str) -> tuple[str, float]:

@@ -273,6 +273,7 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
         paired=_paired(question.reduction, scorer, evidence, chosen),
         held=dict(reduction.held),
         fitted=evidence.base,
+        last=path[-1],
         bench=bench_findings(reduction, path[-1], by_last.run_offsets(path[-1])),
         better=None if found.better is None else _other_model(question.given, found.better),
         as_good=tuple(_other_model(question.given, one) for one in _as_good(found)),

@@ -524,3 +524,39 @@ Z90 = 1.645
 """Two-sided 90 % of a normal distribution, in standard deviations."""
 MOST_NAMED = 1.0
 """A strength beyond this share of its plausible range is not named: none that is plausible would show."""
+
+# ## A law drafted for what the catalogue does not explain
+
+DRAFT_STRIBECK = (0.1, 0.4)
+"""Speeds, rad/s, below which a friction may be another one; assumed."""
+DRAFT_TRAVELS_DEG = (0.7, 2.0, 6.0)
+"""Travels over which something may turn round after a reversal, degrees; assumed."""
+DRAFT_MEMORIES_S = (0.1, 0.4, 1.6)
+"""Times over which the past may count, s; assumed."""
+DRAFT_LATE_S = 0.012
+"""Time by which a damper makes a cable's stretch late, s; assumed: the middle of the catalogue's."""
+DRAFT_ORDERS = tuple(float(n) for n in (*range(4, 41, 2), *range(44, 61, 4)))
+"""Periods a turn of a finger's motor at which a torque may repeat, as the catalogue's ripple; of a motor
+alone the spectrum over its angle tells."""
+DRAFT_RANGE = 10.0
+"""A coefficient lies within so many times what would make its term as large as all that is measured."""
+DRAFT_LEAST = 0.5
+"""Squared score above one from which on a law is drafted: plain benches leave less; assumed."""
+DRAFT_LEAST_SHARE = 0.2
+"""Share of what is left that every term of a law explains at least, on runs left out; assumed."""
+DRAFT_LEAST_FALL = 0.05
+"""... and squared score: below, the misfit is a matter of sensor steps, as for effects."""
+DRAFT_NEEDLESS = 0.5
+"""A term without which less than this share of that comes back is needless; assumed."""
+DRAFT_TERMS = 5
+"""Terms of a law, at most: a person has to read it."""
+DRAFT_FRONT = 6
+"""Terms that promise most at a step and are scored on held-out runs; assumed."""
+DRAFT_BEGINNINGS = 3
+"""So many first terms are each followed to a law."""
+DRAFT_FACTORS = tuple(2.0 ** (k / 2) for k in range(-3, 4))
+"""Times a term's travel, speed or time these are tried, in either sense."""
+DRAFT_LAWS = 3
+"""Laws that are shown, at most."""
+DRAFT_OWN_RANGE = 4.0
+"""The range of a drafted coefficient in an own effect's file, times what was found; assumed."""

@@ -239,11 +239,7 @@ def template(path: Path, equation: str = "", found: str = "") -> str:
     Raises:
         UserError: no id can be made of the file's name.
     """
-    name = re.sub(r"[^a-z0-9]+", "_", path.stem.lower()).strip("_")
-    if path.suffix != ".py" or not name[:1].isalpha():
-        raise UserError(
-            f"{path.name} should begin with a letter and end in .py; its name is the effect's id."
-        )
+    name = own_name(path)
     law = next((law for part, law in _LAWS.items() if part in equation), _LAWS["pip"])
     text = files("fingerlab.resources").joinpath("effects", "own.py.txt").read_text(encoding="utf-8")
     return Template(text).substitute(
@@ -263,6 +259,20 @@ def template(path: Path, equation: str = "", found: str = "") -> str:
         symbols=law.symbols,
         symbol="C",
     )
+
+
+def own_name(path: Path) -> str:
+    """The id that an own effect has by the name of its file.
+
+    Raises:
+        UserError: none can be made of it.
+    """
+    name = re.sub(r"[^a-z0-9]+", "_", path.stem.lower()).strip("_")
+    if path.suffix != ".py" or not name[:1].isalpha():
+        raise UserError(
+            f"{path.name} should begin with a letter and end in .py; its name is the effect's id."
+        )
+    return name
 
 
 def save_own(path: Path, text: str) -> None:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import firwin, freqz
@@ -82,3 +85,26 @@ def test_parts_of_the_score_sum_to_its_square() -> None:
     runs = {part.runs: part.samples for part in parts}
     assert sorted(name for names in runs for name in names) == sorted(run.name for run in session.runs)
     assert sum(runs.values()) == pytest.approx(1.0)
+
+
+def floors_of_runs(coefficients: Sequence[float]) -> tuple[dict[str, EquationError], float]:
+    """Floors of runs of one motion, by the motor's viscous friction in each, and their speed, rad/s."""
+    runs = []
+    for number, coefficient in enumerate(coefficients):
+        bench = made.Bench(missing=made.Missing(motor_viscous=coefficient))
+        session = made.session(bench, number + 1, contact=0)
+        told = {**session.runs[0].trajectory, "amplitude_deg": 20.0}
+        runs.append(replace(session.runs[0], name=f"{number + 1:03d}", trajectory=told))
+    scorer = Scorer(reduce_sessions([replace(session, runs=tuple(runs))], []))
+    found = scorer.score_held_out(scorer.fit_reweighted([]), residuals=True)
+    speed = np.gradient(runs[0].channel("motor_position"), 1e-3)[2000:]
+    return equation_errors(scorer.reduced, found), float(np.sqrt(np.mean((speed - speed.mean()) ** 2)))
+
+
+def test_what_runs_of_one_motion_differ_by_is_part_of_the_floor() -> None:
+    """A friction c times speed that differs from run to run adds c's variance times mean square speed."""
+    wandering = (0.6e-3, 1.4e-3, 1.0e-3, 1.8e-3)
+    steady, _ = floors_of_runs([1.2e-3] * 4)
+    found, speed = floors_of_runs(wandering)
+    added = found["motor_torque"].floor ** 2 - steady["motor_torque"].floor ** 2
+    assert np.sqrt(added) == pytest.approx(np.std(wandering, ddof=1) * speed, rel=0.15)

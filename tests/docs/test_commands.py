@@ -51,6 +51,7 @@ RUN_ELSEWHERE = {
     "python -m tests.faults.sensors": ("tests/faults/test_sensors.py", "try_once(lie, seed)"),
     "python -m tests.hidden.axis": ("tests/hidden/test_axis.py", "baselines(open_session(path))"),
     "python -m tests.hidden.dirt": ("tests/hidden/test_dirt.py", "dirt.WAYS[way](machine)"),
+    "python -m tests.hidden.draft_laws": ("tests/hidden/test_draft_laws.py", "draft_laws.figures(entries)"),
     "python -m tests.hidden.wrong_additions": (
         *("tests/hidden/test_wrong_additions.py", "wrong_additions.figures(entries)"),
     ),

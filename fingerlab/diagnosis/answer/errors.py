@@ -7,7 +7,7 @@ with it held would. Errors are those on all runs, under the weights of the fit; 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -29,7 +29,7 @@ from fingerlab.diagnosis.answer.wording import residual_offsets
 from fingerlab.diagnosis.equations.coefficients import CABLE_NAMES
 from fingerlab.diagnosis.equations.features import FORCE, SHIFTS_S
 from fingerlab.diagnosis.equations.model import Choice
-from fingerlab.diagnosis.fit.noise import floor_covariance
+from fingerlab.diagnosis.fit.noise import floor_covariance, misfit_floor
 from fingerlab.diagnosis.fit.solver import Fit, Fitter
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.gram.sums import Group, Reduced
@@ -46,16 +46,19 @@ from fingerlab.sessions.model import Array, Run
 FAMILY_UNITS = {"joint_torque": "N m", "cable_kinematics": "m", "motor_torque": "N m", "endpoint_force": "N"}
 
 
-def equation_errors(reduced: Reduced, fitted: FittedModel) -> dict[str, EquationError]:
+def equation_errors(
+    reduced: Reduced, fitted: FittedModel, floor_of: Callable[..., Array] = floor_covariance
+) -> dict[str, EquationError]:
     """RMSE, R2 and floor of each family on held-out runs.
 
     Args:
         fitted: scored with :meth:`Scorer.score_held_out`.
+        floor_of: ``floor_covariance``, or ``misfit_floor`` for what differs from cycle to cycle alone.
     """
     sums: dict[str, Array] = {}
     for group in reduced.groups:
         residual = fitted.residuals[group.key]
-        noise = floor_covariance(fitted.model, fitted.fit.values, group, fitted.weights[group.key])
+        noise = floor_of(fitted.model, fitted.fit.values, group, fitted.weights[group.key])
         for family, values in _families(reduced, fitted, group, residual, noise).items():
             sums[family] = sums.get(family, np.zeros(4)) + group.samples * np.array([*values, 1.0])
     result = {}
@@ -247,7 +250,7 @@ def left_aside(reduction: Reduction, reduced: Reduced, fitted: FittedModel) -> t
 
 def _shares_of_rows(fitted: FittedModel, group: Group) -> dict[Row, float]:
     """Share of a group's misfit that each of its equations has; together 1."""
-    noise = floor_covariance(fitted.model, fitted.fit.values, group, fitted.weights[group.key])
+    noise = misfit_floor(fitted.model, fitted.fit.values, group, fitted.weights[group.key])
     weights = fitted.weights[group.key]
     missed = np.maximum(np.einsum("ij,ij->i", weights, fitted.residuals[group.key] - noise), 0.0)
     rows = [row for row in Row if weights[row, row] > 0]

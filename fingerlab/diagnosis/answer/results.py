@@ -361,7 +361,7 @@ class Diagnosis:
     ``predicted`` what of the proposed run was.
     ``held``: unknowns that somebody held, by key, and their values, SI; all that is told holds only then.
     ``budget``: what the error of each family of equations is made of.
-    ``fitted``: the model as given, as it was fitted.
+    ``fitted``: the model as given, as it was fitted; ``last``: the one at the end of the path.
     """
 
     sessions: tuple[str, ...]
@@ -395,6 +395,7 @@ class Diagnosis:
     held: Mapping[str, float] = field(default_factory=dict)
     budget: Mapping[str, Budget] = field(default_factory=dict)
     fitted: FittedModel | None = field(default=None, repr=False, compare=False)
+    last: FittedModel | None = field(default=None, repr=False, compare=False)
 
     def to_json(self) -> dict[str, Any]:
         """The object of ``cli.md``, "diagnose --json", ready for ``json.dumps``."""

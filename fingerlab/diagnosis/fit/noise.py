@@ -195,8 +195,41 @@ def noise_covariance(model: Model, values: Array, group: Group) -> Array:
     return row_covariance(model, values, group, model.pick.among(group.noise), group.noise_samples)
 
 
+def scatter_of_runs(model: Model, values: Array, group: Group) -> Array:
+    """Covariance (5, 5) of what runs told the same motion leave differently, of one sample, less the noise.
+
+    Means over a run are no part of it: they may be a zero's. Nor is what a cable that hangs loose leaves.
+    """
+    found, contrasts = np.zeros((len(Row), len(Row))), 0
+    h = model.features(values, group)
+    spread = np.zeros((len(group.noise), len(Row)))
+    np.add.at(spread, (model.pick.signals, model.rows), h)
+    noise = noise_covariance(model, values, group)
+    for runs in group.repeated_cycles:
+        told = np.stack([spread[one.live].T @ one.harmonics for one in runs])  # (runs, equations, harmonics)
+        apart = told - told.mean(axis=0)
+        expected = (len(runs) - 1) * told.shape[2] * noise
+        found += (np.einsum("rik,rjk->ij", apart, apart) - expected) / runs[0].samples
+        contrasts += len(runs) - 1
+    if not contrasts:
+        return found
+    if group.whole.loose is not None:
+        found[Row.CABLE], found[:, Row.CABLE] = 0.0, 0.0
+    sizes, directions = np.linalg.eigh(found / contrasts)
+    return np.asarray((directions * np.maximum(sizes, 0.0)) @ directions.T)
+
+
 def floor_covariance(model: Model, values: Array, group: Group, weights: Array) -> Array:
-    """The same for the floor that an answer tells, (5, 5): where nothing repeats, that of the ``weights``.
+    """Covariance (5, 5) of what no model can better, of one sample: of noise, and of what runs differ by.
+
+    A score's misfit allows for that of a friction that wanders by itself, see ``own_to_a_run``.
+    """
+    floor = misfit_floor(model, values, group, weights)
+    return floor + scatter_of_runs(model, values, group) if group.repeats else floor
+
+
+def misfit_floor(model: Model, values: Array, group: Group, weights: Array) -> Array:
+    """That above which a residual is misfit, (5, 5): noise, or where nothing repeats that of the ``weights``.
 
     They are the last model's, whose misfit counts as noise for all others.
     """

@@ -123,6 +123,15 @@ class Reduction:
         runs = self._pairs[:: -(-len(self._pairs) // MOST_LOOKED_AT)]
         return [next(segments_of(run, session.rig)) for session, run in runs]
 
+    def examples(self) -> list[Motion]:
+        """The first stretch of one run of every kind (phase and cable), in reduced units.
+
+        Raises:
+            UserError: a run cannot be read.
+        """
+        kinds = {(run.phase, run.cable): (session, run) for session, run in reversed(self._pairs)}
+        return [next(segments_of(run, session.rig)) for session, run in reversed(kinds.values())]
+
     @cached_property
     def _orders(self) -> tuple[float, ...]:
         """Periods a turn at which the torque of a motor alone repeats with its angle."""
@@ -212,6 +221,11 @@ class Reduction:
         groups = [replace(g) for g in known.groups]
         return replace(known, groups=groups, constants=self.constants, held=self.held)
 
+    def shown(self, effects: Sequence[Effect], keep: Keep) -> None:
+        """Show ``keep`` every segment as it passes, with the columns of few effects, formed anew."""
+        acting = self._acting(effects)
+        self._reduced(acting, self._layouts(acting), SILENT, keep, anew=True)
+
     def by_state(self, effects: Sequence[Effect], watch: Watch = SILENT) -> Reduced:
         """Sums for few effects, and what a law of the state (``gram.state_law``) tells their signals by."""
         acting = self._acting(effects)
@@ -281,6 +295,7 @@ class Reduction:
             start += layout.signal_count
         whole = _joined(*layouts.values())
         dealt, places = deal_runs(runs)
+        motions = _shared(self.motions)
         groups: dict[GroupKey, Group] = {}
         seen: list[Senses] = []
         facts: list[Facts] = []
@@ -292,7 +307,7 @@ class Reduction:
             key = group_key(run)
             if key not in groups:
                 groups[key] = _empty_group(run, whole, dealt[key])
-            _add(groups[key], places[number], sums, number)
+            _add(groups[key], places[number], sums, number, motions[number])
             seen += sums.senses
             facts += [] if sums.facts is None else [sums.facts]
             self.repairs[number], self.samples[number] = sums.repairs, sums.samples
@@ -390,13 +405,18 @@ def reduce_sessions(
     return Reduction(sessions, scales=scales).of(effects, watch)
 
 
+def _shared(motions: Sequence[int | None]) -> list[int | None]:
+    """Those that several runs were told, for each run; None: no other was."""
+    return [motion if motions.count(motion) > 1 else None for motion in motions]
+
+
 def _empty_group(run: Run, layout: Layout, dealt: list[Fold]) -> Group:
     size = layout.signal_count
     folds = [empty(size) for _ in dealt]
     return Group(group_key(run), run.cable_sign, folds, np.zeros((size, size)), dealt=dealt)
 
 
-def _add(group: Group, k: int, found: RunSums, number: int) -> None:
+def _add(group: Group, k: int, found: RunSums, number: int, motion: int | None) -> None:
     """Add the run of this number to fold ``k`` of its group."""
     fold = group.folds[k]
     fold.runs.append(found.run)
@@ -410,6 +430,8 @@ def _add(group: Group, k: int, found: RunSums, number: int) -> None:
         whole = np.zeros((len(group.noise), trend.shape[1]))
         whole[live] = trend
         group.trends.setdefault((group.dealt[k].condition, number), []).append(whole)
+    for cycle in found.cycles if motion is not None else ():
+        group.cycles.setdefault((motion, cycle.stretch), []).append(cycle)
     group.encoder_variance = max(group.encoder_variance, found.encoder_variance)
     group.state_products += [found.state_products] if found.state_products else []
 

@@ -31,7 +31,7 @@ from fingerlab.diagnosis.gram.decimation import (
     to_cache,
 )
 from fingerlab.diagnosis.gram.state_law import signal_products, torque_products
-from fingerlab.diagnosis.gram.sums import PairSums, Part, RunSums, Sums
+from fingerlab.diagnosis.gram.sums import Cycle, PairSums, Part, RunSums, Sums
 from fingerlab.diagnosis.settings import NARROW_RATE_HZ, TASKS_AHEAD, TREND_DEGREE
 from fingerlab.diagnosis.signals.conditions import GroupKey
 from fingerlab.diagnosis.signals.contradictions import facts_of
@@ -164,6 +164,10 @@ def run_sums(
             noise = part.products - cyclic @ cyclic.T
             result.add(Part(low.live + asked.start, part, totals, noise, len(low.time) - cyclic.shape[1]))
             result.trends.append((low.live + asked.start, trend))
+            told = told_frequency(run)
+            if told is not None:
+                stretch = told, float(low.time[0]), float(low.time[-1]), len(low.time)
+                result.cycles.append(Cycle(stretch, low.live + asked.start, cyclic[:, 1:]))
         result.encoder_variance = (motion.radius * motion.position_step) ** 2 / 12.0
         if keep is not None:
             keep(session, run, low)

@@ -14,7 +14,7 @@ says nothing at moments when the cable may be slack.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -327,6 +327,26 @@ class Part:
     noise_samples: float = 0.0
 
 
+@dataclass(frozen=True)
+class Cycle:
+    """What comes again in a stretch of a run, as harmonics of its cycle, without its mean.
+
+    Attributes:
+        stretch: frequency, Hz, first and last sample, s, and number of samples: those of two runs can be
+            compared where these agree.
+        live: signals that are not all zero. harmonics: of these, orthonormal over the samples, (live, k).
+    """
+
+    stretch: tuple[float, float, float, int]
+    live: IntArray
+    harmonics: Array
+
+    @property
+    def samples(self) -> int:
+        """Decimated samples of the stretch."""
+        return self.stretch[3]
+
+
 @dataclass
 class RunSums:
     """Sums of signal products over one run.
@@ -344,6 +364,8 @@ class RunSums:
     encoder_variance: float = 0.0
     state_products: list[Array] = field(default_factory=list)
     """Where no motion comes again: see ``state_law``, one for each block."""
+    cycles: list[Cycle] = field(default_factory=list)
+    """Of every stretch that repeats."""
     repairs: Counter[str] = field(default_factory=Counter)
     samples: float = 0.0
 
@@ -387,6 +409,8 @@ class Group:
     """While runs are read: slow trends by condition and stretch, (signals, degrees) for each run."""
     state_products: list[list[Array]] = field(default_factory=list)
     """Of each run where no motion comes again: see ``state_law``."""
+    cycles: dict[Hashable, list[Cycle]] = field(default_factory=dict)
+    """Of runs that were told the same motion, by motion and stretch."""
 
     def __post_init__(self) -> None:
         self.dealt = self.dealt or [Fold(0, k) for k in range(len(self.folds))]
@@ -420,6 +444,11 @@ class Group:
     def repeats(self) -> bool:
         """Whether anything comes again in these runs or others, so that noise is told from what is missed."""
         return self.noise_samples > 0
+
+    @property
+    def repeated_cycles(self) -> list[list[Cycle]]:
+        """Those that two runs or more have in common."""
+        return [each for each in self.cycles.values() if len(each) > 1]
 
     @property
     def on_bench(self) -> bool:
