@@ -27,11 +27,8 @@ def summary(folder: Path) -> str:
             _as_built,
             _hidden,
             _wrong,
-<<<<<<< HEAD
             _feed_forward,
-=======
             _drafted,
->>>>>>> main
             _probabilities,
             _foretold,
             _replicate,
@@ -82,17 +79,16 @@ def _wrong(folder: Path) -> Iterator[str]:
         yield _line(what, figure, "wrong-additions.md", "Wrong additions")
 
 
-<<<<<<< HEAD
 def _feed_forward(folder: Path) -> Iterator[str]:
     _, rows = table(folder / "feed-forward.md", "what", "figure")
     for what, figure, *_ in rows:
         yield _line(f"a wanted force, {what}", figure, "feed-forward.md", "Feed-forward")
-=======
+
+
 def _drafted(folder: Path) -> Iterator[str]:
     _, rows = table(folder / "draft-laws.md", "what", "figure")
     for what, figure in rows:
         yield _line(f"effects left out of the catalogue: {what}", figure, "draft-laws.md", "Drafted laws")
->>>>>>> main
 
 
 def _probabilities(folder: Path) -> Iterator[str]:
