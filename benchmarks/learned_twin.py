@@ -16,6 +16,8 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
 from fingerlab.core.errors import UserError
 from fingerlab.diagnosis import diagnose
 from fingerlab.models.file import save_model
@@ -44,13 +46,13 @@ def one(name: str, protocol: str, seed: int, folder: Path) -> tuple[Sequence[str
     twin = learned(folder / "model.json", bench, seed, best=True)
     again = [open_session(simulated(folder / "twin.h5", twin.preset, protocol, twin.effects, seed + 500))]
     other = diagnose(again, with_curves=False)
-    apart = 0.0
+    apart = math.nan  # an effect without values of its own sets constants of the bench free
     for key, value in other.final_parameters.items():
         if key in model.parameters and key.partition(".")[0] in EFFECTS:
             told = model.parameters[key]
             half = math.hypot(0.5 * (told.high - told.low), 0.5 * (value.high - value.low))
-            apart = max(apart, abs(told.value - value.value) / max(half, 1e-30))
-    return found.final_model, other.final_model, apart
+            apart = np.fmax(apart, abs(told.value - value.value) / max(half, 1e-30))
+    return found.final_model, other.final_model, float(apart)
 
 
 def main() -> None:
@@ -67,7 +69,8 @@ def main() -> None:
             except UserError as error:
                 print(f"| {name} | refused: {str(error).partition(': ')[2]} | | |", flush=True)
                 continue
-        print(f"| {name} | {', '.join(before)} | {', '.join(after)} | {apart:.1f} |", flush=True)
+        distance = "–" if math.isnan(apart) else f"{apart:.1f}"
+        print(f"| {name} | {', '.join(before)} | {', '.join(after)} | {distance} |", flush=True)
 
 
 if __name__ == "__main__":

@@ -21,7 +21,7 @@ from fingerlab.models.file import TriedModel
 from fingerlab.prediction.comparing import ComparedModel, ModelComparison
 from fingerlab.ui.acquire.acquire_bars import FROM_FILE
 from fingerlab.ui.acquire.acquire_tab import ask_to_close
-from fingerlab.ui.acquire.connect_page import ConnectPage
+from fingerlab.ui.acquire.connect_page import MODEL, ConnectPage
 from fingerlab.ui.acquire.recording_control import DetailsDialog
 from fingerlab.ui.app.window import MainWindow, ask_to_run
 from fingerlab.ui.calibrate.calibrate_tab import ask_to_leave
@@ -114,6 +114,12 @@ def _take_session(stage: Stage) -> None:
 def _own_device(stage: Stage) -> None:
     page: ConnectPage = stage.tab("acquire").connect_page
     page._browse_own()
+
+
+def _saved_model(stage: Stage) -> None:
+    page: ConnectPage = stage.tab("acquire").connect_page
+    page.effect.setCurrentIndex(page.effect.findData(MODEL))
+    page._simulated_wanted()
 
 
 def _first_plot(stage: Stage) -> QWidget:
@@ -214,6 +220,11 @@ DIALOGS = (
         ("acquire/motion_form.py:MotionsButton._ask_name",),
     ),
     Surface("Own device", (_own_device,), ("acquire/connect_page.py:ConnectPage._browse_own",)),
+    Surface(
+        "The bench of a saved model",
+        (_saved_model,),
+        ("acquire/connect_page.py:ConnectPage._simulated_wanted",),
+    ),
     Surface(
         "Replay a recording",
         (lambda s: s.tab("acquire").connect_page._on_replay(),),
