@@ -27,6 +27,7 @@ def summary(folder: Path) -> str:
             _as_built,
             _hidden,
             _wrong,
+            _feed_forward,
             _drafted,
             _probabilities,
             _foretold,
@@ -76,6 +77,12 @@ def _wrong(folder: Path) -> Iterator[str]:
     _, rows = table(folder / "wrong-additions.md", "what", "figure")
     for what, figure, *_ in rows:
         yield _line(what, figure, "wrong-additions.md", "Wrong additions")
+
+
+def _feed_forward(folder: Path) -> Iterator[str]:
+    _, rows = table(folder / "feed-forward.md", "what", "figure")
+    for what, figure, *_ in rows:
+        yield _line(f"a wanted force, {what}", figure, "feed-forward.md", "Feed-forward")
 
 
 def _drafted(folder: Path) -> Iterator[str]:

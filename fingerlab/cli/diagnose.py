@@ -249,7 +249,8 @@ def _print(result: Diagnosis, arc: str, budget: bool) -> None:
         console.print(Text(f"{arc}\n"))
     for candidate in words.suspected(result):
         console.print(Text(f"{candidate.title}: {candidate.explanation}\n"))
-    if len(result.set) > 1 or words.not_shown(result):
+    strange = result.verdict == "not_in_catalogue" and result.set
+    if len(result.set) > 1 or strange or words.not_shown(result):
         console.print(Text(words.set_sentence(result)))
     if words.as_good_sentence(result):
         console.print(Text(words.as_good_sentence(result)))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -127,6 +127,15 @@ def read_proposal(text: str) -> dict[str, Any]:
     "--seed", type=click.IntRange(min=0), help="Same seed, same bench, same noise. Random by default."
 )
 @click.option("--preset", default="practice", show_default=True, help="practice, as-built, or a TOML file.")
+@click.option(
+    "--model",
+    "model_file",
+    metavar="M.json",
+    type=PATH,
+    help="A twin of the bench that a saved model describes; the preset tells what the model does not. Values "
+    "are drawn from their uncertainty by the seed.",
+)
+@click.option("--best-values", is_flag=True, help="With --model: take its best values, draw none.")
 @click.option("--trajectory", metavar="FILE|JSON", help=TRAJECTORY_HELP)
 @click.option("--phase", help="Phase of that run: on_air, contact, motor_bench or free.")
 @click.option("--cable", type=click.Choice(["extension", "flexion", "none"]), help="Cable of that run.")
@@ -139,6 +148,8 @@ def simulate(
     practice: bool,
     seed: int | None,
     preset: str,
+    model_file: Path | None,
+    best_values: bool,
     trajectory: str | None,
     phase: str | None,
     cable: str | None,
@@ -152,6 +163,7 @@ def simulate(
     'contact' are its two parts; 'motor-bench' is the motor alone against known loads.
     """
     from fingerlab.twin.effects import parse_effects
+    from fingerlab.twin.learned import learned
     from fingerlab.twin.protocols import load_preset
     from fingerlab.twin.session import new_seed, write_session
 
@@ -159,19 +171,37 @@ def simulate(
     if (hidden or practice) and effects:
         flag = "--hidden" if hidden else "--practice"
         raise UserError(f"{flag} picks the effect itself; leave out --effect, or leave out {flag}.")
+    if best_values and model_file is None:
+        raise UserError("--best-values goes with --model, which names the model whose values are meant.")
     chosen = parse_effects(effects)
-    bench = load_preset(preset)
+    bench, seed = load_preset(preset), new_seed() if seed is None else seed
+    if model_file is not None:
+        twin = learned(model_file, bench, seed, best_values)
+        bench, chosen = twin.preset, _beside(twin.effects, chosen, model_file)
     name, plans = _plans(
         protocol, trajectory, phase, cable, bench.numbers["protocol"]["contact_amplitude_deg"]
     )
     bar, report = progress_bar("Simulating")
     with bar:
         report(0.0, "compiling")
-        seed = new_seed() if seed is None else seed
         written = write_session(out, bench, name, plans, chosen, seed, hidden, report, practice)
     click.echo(f"{counted(written.runs, 'run')}, {written.seconds:g} s, written to {out}.", err=True)
     if json_target is not None:
         write_json(written.to_json(), json_target)
+
+
+def _beside(
+    found: Mapping[str, Mapping[str, float]], chosen: Mapping[str, Mapping[str, float]], model: Path
+) -> dict[str, dict[str, float]]:
+    """The effects of a model and those that are put in beside them.
+
+    Raises:
+        UserError: one is both.
+    """
+    for name in chosen:
+        if name in found:
+            raise UserError(f"The effect {name!r} is in {model} already; leave out --effect {name}.")
+    return {name: dict(values) for name, values in (*found.items(), *chosen.items())}
 
 
 @click.command()

@@ -28,8 +28,9 @@ from fingerlab.devices.protocol import (
 from fingerlab.rig.daq import AnalogInput, Daq, SafetyLines
 from fingerlab.rig.file import INTERVENTION, Rig, default_rig, intervention_of
 from fingerlab.twin.effects import check_effects
+from fingerlab.twin.learned import preset_of
 from fingerlab.twin.plant import CONTACT, ON_AIR, OUTPUTS
-from fingerlab.twin.protocols import PRACTICE, RATE_HZ, Preset, RunPlan, load_preset, setup_of
+from fingerlab.twin.protocols import PRACTICE, RATE_HZ, Preset, RunPlan, setup_of
 from fingerlab.twin.recording import BenchStream, seeded_truth
 from fingerlab.twin.session import SEALED, SIMULATION, pick_hidden, seal
 
@@ -48,7 +49,8 @@ class Simulation:
     """Which bench is simulated; plain values, so that another process can build the same one.
 
     Attributes:
-        preset: name or TOML file of the twin. seed: same seed, same bench, same noise.
+        preset: name or TOML file of the twin, or a saved model's file, whose bench it is then.
+        seed: same seed, same bench, same noise.
         effects: id -> parameter -> value, SI, as ``twin.effects.parse_effects`` gives them.
         hidden: one effect (or none) picked by the seed, kept secret in the session.
         phase, cable: the first set-up; the cable of the phase where it is None.
@@ -88,7 +90,7 @@ class SimulatedBench:
     """
 
     def __init__(self, simulation: Simulation, daq: Daq) -> None:
-        self.preset = load_preset(simulation.preset)
+        self.preset = preset_of(simulation.preset, simulation.seed)
         self.simulation = simulation
         self._daq = daq
         self._truth, self._seeds = seeded_truth(self.preset, simulation.seed)
@@ -198,7 +200,7 @@ class SimulatedRig:
         wired: Daq | None = None,
     ) -> None:
         simulation, faults = simulation or Simulation(), faults or Faults()
-        self.rig = rig or simulated_rig_file(load_preset(simulation.preset))
+        self.rig = rig or simulated_rig_file(preset_of(simulation.preset, simulation.seed))
         self._daq = wired or self.rig.daq
         self.bench = SimulatedBench(simulation, self._daq)
         self._faults = faults

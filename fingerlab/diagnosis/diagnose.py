@@ -15,7 +15,7 @@ from threadpoolctl import threadpool_limits
 from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress
 from fingerlab.diagnosis.answer.budget import error_budget
-from fingerlab.diagnosis.answer.errors import equation_errors, held_out_runs, left_aside, score_parts
+from fingerlab.diagnosis.answer.errors import equation_errors, held_out_runs, run_asides, run_shares
 from fingerlab.diagnosis.answer.results import (
     Candidate,
     Diagnosis,
@@ -55,6 +55,7 @@ from fingerlab.diagnosis.score.fitted_model import FittedModel, at_found_shapes,
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.score.selection import justified, much_left
 from fingerlab.diagnosis.search.grid_refinement import fit_refined, with_shapes_of
+from fingerlab.diagnosis.search.next_effect import held_back
 from fingerlab.diagnosis.search.rivals import Rival, odds_of_rivals
 from fingerlab.diagnosis.search.strategy import Found, Question, Stages, search_effects
 from fingerlab.diagnosis.settings import FULL_ITERATIONS, NEARLY_RIGHT, RUN_LOG_ODDS, SET_LOG_ODDS, STILL_LEFT
@@ -227,7 +228,9 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
     usual = session_features(runs, errors.values(), evidence.base.score, path[-1].score)
     probabilities, calibration = calibrated(evidence.odds, verdict, *usual)
     told = dict(zip(evidence.odds.answers, map(float, probabilities), strict=True))
+    stuck = held_back(scorer, evidence)
     chosen = _cannot_be_ruled_out(evidence, calibration)
+    chosen += [i for i in stuck if i not in chosen]
     reduction, by_last = question.reduction, found.refined or scorer
 
     def offsets(fitted: FittedModel) -> dict[tuple[str, str], Array]:
@@ -242,7 +245,10 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
     replaced = {name: (one.removed,) for name, one in replacing.items()}
     prints = curves.fingerprints if curves else {}
     alone = len(reduction.runs) == 1
-    candidates = _candidates(evidence, told, chosen, loose, prints, closer, replaced, alone)
+    candidates = _candidates(evidence, told, chosen, stuck, loose, prints, closer, replaced, alone)
+    pairs = [(session, run) for (session, _), run in zip(reduction.runs, reduction.analysed, strict=True)]
+    each_share, parts = run_shares(pairs, scorer.reduced, evidence.base)
+    each_aside, asides = run_asides(reduction, scorer.reduced, evidence.base)
     following = _next_run(sessions, scorer, evidence, chosen, usual)
     steps = _path_steps(path, found.better)
     return Diagnosis(
@@ -264,8 +270,10 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
         comparisons=curves.comparisons if curves else (),
         failure=curves.failure if curves else None,
         held_out=held_out_runs(reduction.analysed, scorer.reduced, evidence.base),
-        score_parts=score_parts(reduction.analysed, scorer.reduced, evidence.base),
-        left_aside=left_aside(reduction, scorer.reduced, evidence.base),
+        score_parts=parts,
+        left_aside=asides,
+        run_shares=each_share,
+        run_asides=each_aside,
         repeats=all(group.repeats for group in scorer.reduced.groups),
         calibration=calibration,
         odds=evidence.odds,
@@ -373,6 +381,7 @@ def _candidates(
     evidence: Evidence,
     told: Mapping[str, float],
     chosen: Sequence[int],
+    stuck: Sequence[int],
     loose: int,
     prints: Mapping[str, Fingerprint],
     closer: Mapping[str, FittedModel],
@@ -382,6 +391,7 @@ def _candidates(
     """What is told of every effect.
 
     Args:
+        chosen: indices of those that cannot be ruled out. stuck: of those at the edge of what is allowed.
         closer: models with an effect's refined shape, or with it in place of a given one, by its id.
         replaced: ids of the given effects in whose place an effect is, by its id.
         alone: there is one run, so that none was held out.
@@ -411,6 +421,7 @@ def _candidates(
                 detectable=shown,
                 fingerprint=prints.get(one.id),
                 replaces=replaced.get(name, ()),
+                at_bound=i in stuck,
             )
         )
     return tuple(result)

@@ -10,6 +10,7 @@ for the run left out.
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -304,7 +305,8 @@ class Variant:
 class ExtendedModel:
     """The nominal model and the same with effects, fitted to the same runs under the same weights.
 
-    ``held``: unknowns that somebody held meanwhile, by key, and their values, SI.
+    ``held``: unknowns that somebody held meanwhile, by key, and their values, SI. ``rig``: the bench's own
+    constants, JSON text; empty in a file of an earlier version.
     """
 
     extended: Variant
@@ -312,6 +314,7 @@ class ExtendedModel:
     parameters: Mapping[str, ParameterEstimate]
     sessions: tuple[SessionHash, ...]
     held: Mapping[str, float] = field(default_factory=dict)
+    rig: str = ""
 
     @property
     def effect_ids(self) -> tuple[str, ...]:
@@ -342,6 +345,7 @@ def model_of_extended(model: ExtendedModel) -> Model:
         "extended": _variant_json(model.extended),
         "nominal": _variant_json(model.nominal),
         **({"held": dict(model.held)} if model.held else {}),
+        **({"rig": json.loads(model.rig)} if model.rig else {}),
     }
     return Model(DIAGNOSIS_METHOD, model.parameters, model.sessions, model.effect_ids, details)
 
@@ -382,7 +386,9 @@ def extended_model(model: Model, where: str) -> ExtendedModel:
     extended = _checked(where, "extended", lambda: _variant(model.details["extended"], effects))
     nominal = _checked(where, "nominal", lambda: _variant(model.details["nominal"], ()))
     held = _checked(where, "held", lambda: _numbers(model.details.get("held", {})))
-    return ExtendedModel(extended, nominal, model.parameters, model.sessions, held)
+    told = model.details.get("rig")
+    rig = json.dumps(told) if isinstance(told, Mapping) else ""
+    return ExtendedModel(extended, nominal, model.parameters, model.sessions, held, rig)
 
 
 def _effect(name: str, shape: Mapping[str, float], where: str) -> ChosenEffect:

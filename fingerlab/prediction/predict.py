@@ -347,9 +347,9 @@ def _fit(
             tell(0.7 + 0.3 * number / (len(trials) + 1), "calibrating the interval")
             done.append(_calibrated(_variant(scorer, trial, folds), sessions, by_session))
         parameters = [_estimates(scorer.score_held_out(trial)) for trial in trials]
-    plain, extended = done[0], iter(done[1:])
+    plain, extended, rig = done[0], iter(done[1:]), sessions[0].rig.to_json()
     return tuple(
-        ExtendedModel(next(extended) if t.choices else plain, plain, found, hashes, dict(held or {}))
+        ExtendedModel(next(extended) if t.choices else plain, plain, found, hashes, dict(held or {}), rig)
         for t, found in zip(trials, parameters, strict=True)
     )
 

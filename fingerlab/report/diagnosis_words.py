@@ -259,6 +259,8 @@ def set_sentence(diagnosis: Diagnosis) -> str:
         text = "Whether one of these is missing these data leave open."
         text += f" They could not have shown, at a plausible strength: {_names(hidden)}." if hidden else ""
         return f"{text} What they show of these is too weak to tell: {_names(weak)}." if weak else text
+    if diagnosis.set and diagnosis.verdict == "not_in_catalogue":
+        return f"Stronger than is thought possible, it could still be one of these: {_names(diagnosis.set)}."
     besides = _outcomes_left_open(diagnosis)
     if len(diagnosis.set) > 1:
         return (

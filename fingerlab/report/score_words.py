@@ -32,6 +32,7 @@ ASIDE_WORDS = {
     "slack": "cable slack",
     "standstill": "standstill",
     "spikes": "spikes",
+    "gap": "lost",
 }
 """Why a moment is left aside, in as few words as it can be said."""
 
@@ -40,6 +41,7 @@ ASIDE_HELP = {
     "slack": "The cable may hang loose: its length counts by 0.1 mm there, or not at all.",
     "standstill": "The motor stands: weighed less there, for friction that sticks may hold any torque.",
     "spikes": "Single samples far off their neighbours were put on the line between those.",
+    "gap": "Samples that were lost: bridged where they were few, else left out.",
 }
 """What that means."""
 

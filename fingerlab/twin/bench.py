@@ -31,6 +31,8 @@ def draw_truth(preset: Preset, rng: np.random.Generator) -> Truth:
         for name in (*vars(rig.finger), "torque_constant", "pulley_radius", "inertia")
     }
     factors.update(dict.fromkeys(NEVER_MEASURED, 1.0))
+    known = preset.known
+    factors.update({name: known[name] for name in factors if name in known})
     arms = preset.numbers["arms"]
     posture = preset.numbers["contact"]["posture"]
     scatter = preset.numbers["contact"]["posture_spread"]
@@ -45,8 +47,8 @@ def draw_truth(preset: Preset, rng: np.random.Generator) -> Truth:
         },
         pretravel={c: abs(draw(preset.numbers["cable"]["pretravel"])) for c in ("extension", "flexion")},
         posture=(posture[0] + draw(scatter), posture[1] + draw(scatter)),
-        sign=float(rng.choice([-1.0, 1.0])),
-        phase=float(rng.uniform(0.0, 2.0 * math.pi)),
+        sign=known.get("sign", float(rng.choice([-1.0, 1.0]))),
+        phase=known.get("phase", float(rng.uniform(0.0, 2.0 * math.pi))),
     )
 
 
@@ -149,4 +151,5 @@ def _sensors(preset: Preset) -> Sensors:
         s["force_noise"],
         s["current_step"],
         s["current_noise"],
+        force_gain=preset.known.get("force_gain", 1.0),
     )

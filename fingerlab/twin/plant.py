@@ -10,6 +10,7 @@ have on a printed finger with an RE40 drive.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -211,6 +212,27 @@ class Plant:
 
 
 @dataclass(frozen=True)
+class Nominal:
+    """What a found value is told against: stiffness of the joint springs (MCP, PIP), N m/rad, with what a
+    model found of them; compliance of the bench's own cable and contact, m/N."""
+
+    stiffness: tuple[float, float]
+    cable_compliance: float
+    contact_compliance: float
+
+
+class NotCarriedError(ValueError):
+    """A found value that the plant has nothing for; the text says what, as the end of a sentence."""
+
+
+Found = Callable[[Values, Nominal], Values]
+"""Values that a diagnosis found, SI, shapes as they are named there -> the plant's, beyond its defaults.
+
+It may name ``sign`` and ``phase``, too, which are chance else.
+"""
+
+
+@dataclass(frozen=True)
 class PlantEffect:
     """An effect as a change of the plant, which the first lines of its file say in words.
 
@@ -219,12 +241,14 @@ class PlantEffect:
         parameters: the first is the strength; the others shape it.
         phases: phases of a session in which the effect acts.
         apply: changes the bench of one run in place, before the finger is hung and the load cell placed.
+        found: the plant's parameters by the values that a diagnosis found; None: those tell too little.
     """
 
     id: str
     parameters: tuple[Parameter, ...]
     phases: frozenset[str]
     apply: Callable[[Plant, Values], None]
+    found: Found | None = None
 
     def defaults(self) -> dict[str, float]:
         """Default value of every parameter, SI."""
@@ -251,6 +275,30 @@ def per_joint(bench: Plant, field: str, value: float, ratio: float) -> None:
     """Add a value to a constant of the MCP, and its share to that of the PIP."""
     bench.plant[field + "_1"] += value
     bench.plant[field + "_2"] += value * ratio
+
+
+def both_joints(mcp: float, pip: float) -> dict[str, float]:
+    """A value of the MCP and the PIP's share of it; a joint that was found without any has next to none."""
+    mcp = mcp if abs(mcp) > LEAST else LEAST
+    return {"mcp": mcp, "pip_ratio": pip / mcp}
+
+
+LEAST = 1e-9
+"""Stands for nothing where something is told as a share of it, SI."""
+
+
+def winding(v: Values) -> dict[str, float]:
+    """The travel over which a friction builds up from nothing, rad; that of the plant where none was found.
+
+    Found is the way behind a reversal, which for one contact (sharpness 1) is twice as long.
+    """
+    way = math.radians(v.get("travel_deg", 0.0)) / (1.0 + v.get("sharpness", 0.0))
+    return {"travel": way} if way > 0.0 else {}
+
+
+def half_speed(v: Values) -> float:
+    """Speed at which half of a breakaway's excess is left, where exp(-(speed/v)^2) of it is, rad/s."""
+    return v["stribeck_speed"] * math.sqrt(math.log(2.0))
 
 
 def dry(bench: Plant, place: int, level: float, travel: float) -> None:

@@ -89,6 +89,8 @@ class Preset:
         rig: what the bench knows of itself.
         numbers: ``numbers[section][entry]`` is a float, or a tuple of two (MCP, PIP).
         effects: effects built into the bench: id -> parameter -> value, SI.
+        known: what is no chance in this bench: true over nominal value by rig constant, the load cell's gain
+            (``force_gain``), ``sign`` and ``phase`` of effects.
     """
 
     name: str
@@ -96,6 +98,7 @@ class Preset:
     rig: Rig
     numbers: Mapping[str, Mapping[str, Any]]
     effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    known: Mapping[str, float] = field(default_factory=dict)
 
 
 def load_preset(source: str | Path = PRACTICE) -> Preset:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
+import io
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -56,3 +58,16 @@ def assert_one_sentence(code: int, out: str, err: str, *words: str) -> None:
     assert err.startswith("fingerlab: ")
     for word in words:
         assert word in err
+
+
+def call(*arguments: object) -> tuple[int, str, str]:
+    """Exit code, standard output and standard error of a command."""
+    out, err = io.StringIO(), io.StringIO()
+    with (
+        contextlib.redirect_stdout(out),
+        contextlib.redirect_stderr(err),
+        pytest.raises(SystemExit) as stopped,
+    ):
+        main([str(a) for a in arguments])
+    code = stopped.value.code
+    return (0 if code is None else int(code)), out.getvalue(), err.getvalue()

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import io
 import json
 import math
 from pathlib import Path
@@ -11,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from fingerlab.cli.main import main
+from .calling import call
 
 CONTRACT_EFFECTS = [
     "viscous_friction",
@@ -71,54 +69,6 @@ CANDIDATE_KEYS = (
     "detectable",
 )
 FAMILY_UNITS = {"joint_torque": "N m", "cable_kinematics": "m", "motor_torque": "N m", "endpoint_force": "N"}
-
-
-def call(*arguments: object) -> tuple[int, str, str]:
-    """Exit code, standard output and standard error of a command."""
-    out, err = io.StringIO(), io.StringIO()
-    with (
-        contextlib.redirect_stdout(out),
-        contextlib.redirect_stderr(err),
-        pytest.raises(SystemExit) as stopped,
-    ):
-        main([str(a) for a in arguments])
-    code = stopped.value.code
-    return (0 if code is None else int(code)), out.getvalue(), err.getvalue()
-
-
-@pytest.fixture(scope="module")
-def session_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Fifty seconds of the simulated rig with Coulomb friction in the joints."""
-    from fingerlab.twin.effects import parse_effects
-    from fingerlab.twin.protocols import RunPlan, load_preset
-    from fingerlab.twin.session import write_session
-
-    def move(phase: str, cable: str, kind: str, amplitude: float, hertz: float, **more: float) -> RunPlan:
-        wave = {"kind": kind, "amplitude_deg": amplitude, "frequency_hz": hertz, "duration_s": 10.0, **more}
-        return RunPlan(phase, cable, wave)
-
-    preset = load_preset("practice")
-    press = preset.numbers["protocol"]["contact_amplitude_deg"]
-    plans = [
-        move("on_air", "extension", "sine", 15.0, 1.0, offset_deg=22.0),
-        move("on_air", "extension", "sine", 11.0, 0.5, offset_deg=22.0),
-        move("on_air", "extension", "chirp", 11.0, 0.5, offset_deg=22.0, end_frequency_hz=2.5),
-        move("on_air", "flexion", "sine", 9.0, 1.0, offset_deg=15.0),
-        move("contact", "flexion", "sine", press, 1.0),
-    ]
-    path = tmp_path_factory.mktemp("diagnose") / "friction.h5"
-    write_session(path, preset, "short", plans, parse_effects(["coulomb_friction"]), seed=3)
-    return path
-
-
-@pytest.fixture(scope="module")
-def answer(session_file: Path) -> dict[str, Any]:
-    """What ``--json -`` puts on standard output, which must be JSON and nothing else."""
-    code, out, err = call("diagnose", session_file, "--json", "-")
-    assert code == 0, err
-    assert "Traceback" not in err
-    result: dict[str, Any] = json.loads(out)
-    return result
 
 
 def is_number(value: object) -> bool:

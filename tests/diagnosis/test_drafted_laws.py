@@ -53,7 +53,7 @@ def drafted(session: Session) -> tuple[DraftLaw, ...]:
     kept.begin([], read=True)
     scorer = settle_constants(kept, Scorer(kept.of([])))
     bare = scorer.score_held_out(scorer.bare)
-    return draft_laws(kept, bare, bare)
+    return draft_laws(kept, bare, bare, with_curves=True)
 
 
 @pytest.fixture(scope="module")
@@ -73,6 +73,13 @@ def test_the_planted_law_is_first_with_its_coefficient(laws: tuple[DraftLaw, ...
     assert best.score < 1.15 < 2.0 < best.score_before
     assert best.simpler == (best.score,)
     assert "grows with speed" in best.cause
+    seen = best.fingerprint
+    assert seen is not None
+    assert (seen.coordinate, seen.equation) == ("motor speed", "pip_torque")
+    arm = made.Bench().arms[-1][1]  # tension over the pulley's radius, as a torque of the joint
+    law = -arm * DRAG / made.RADIUS * seen.centre * np.abs(seen.centre)
+    for curve in (seen.mean, seen.curve):
+        assert np.corrcoef(law, curve)[0, 1] > 0.97
     assert best.equation == r"\tau_m = C_{1}\,\dot\theta_m|\dot\theta_m|"
 
 
@@ -126,7 +133,7 @@ def test_the_command_drafts_writes_and_the_effect_is_ranked(
     module = sys.modules["fingerlab.diagnosis.diagnose"]
     monkeypatch.setattr(module, "whole_catalogue", lambda: few | own_ones())
     with SessionWriter(Path("s.h5"), planted.rig, "planted") as writer:
-        for run in planted.runs:
+        for run in planted.runs[:3]:
             channels = {**run.load(), "motor_current": run.channel("motor_torque") / TORQUE_PER_AMPERE}
             writer.add_run(run.phase, run.cable, run.sample_rate_hz, run.trajectory, channels)
     asked = ("diagnose", "s.h5", "--draft", "--draft-effect", "air_drag.py", "--json", "d.json")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.signal import firwin, freqz
 
-from fingerlab.diagnosis.answer.errors import equation_errors, score_parts
+from fingerlab.diagnosis.answer.errors import equation_errors, run_shares
 from fingerlab.diagnosis.answer.results import EquationError
 from fingerlab.diagnosis.gram.reduction import reduce_sessions
 from fingerlab.diagnosis.score.scorer import Scorer
@@ -80,11 +80,33 @@ def test_parts_of_the_score_sum_to_its_square() -> None:
     session = made.session(made.Bench(missing=made.Missing(viscous=(2e-3, 1e-3))), 4)
     scorer = Scorer(reduce_sessions([session], []))
     fitted = scorer.score_held_out(scorer.fit_reweighted([]), residuals=True)
-    parts = score_parts(session.runs, scorer.reduced, fitted)
+    shares, parts = run_shares([("s.h5", run) for run in session.runs], scorer.reduced, fitted)
     assert 1.0 + sum(part.squared for part in parts) == pytest.approx(fitted.score**2, rel=1e-9)
     runs = {part.runs: part.samples for part in parts}
     assert sorted(name for names in runs for name in names) == sorted(run.name for run in session.runs)
     assert sum(runs.values()) == pytest.approx(1.0)
+    # The same run by run: the floor's 1 is dealt to runs and equations, of which each run has three.
+    assert sum(one.share for one in shares) == pytest.approx(fitted.score**2, rel=1e-9)
+    assert 1.0 + sum(one.squared for one in shares) == pytest.approx(fitted.score**2, rel=1e-9)
+    assert len({(one.run, one.equation) for one in shares}) == len(shares)
+    assert sum(one.share - one.squared for one in shares) == pytest.approx(1.0)
+    by_run = {run.name: [one for one in shares if one.run == run.name] for run in session.runs}
+    lengths = {name: sum(one.share - one.squared for one in mine) for name, mine in by_run.items()}
+    longest = max(run.seconds for run in session.runs)
+    for run in session.runs:
+        if run.seconds == longest:
+            assert lengths[run.name] == pytest.approx(max(lengths.values()))
+    # A joint that rubs is no matter of the cable's length, and shows the more the faster it turns.
+    joint, cable = (
+        {one.run: one.squared for one in shares if one.equation == family}
+        for family in ("joint_torque", "cable_kinematics")
+    )
+    free = [run for run in session.runs if run.phase == "on_air"]
+    assert sum(joint.values()) > 20 * abs(sum(cable.values()))
+    assert all(joint[run.name] > cable[run.name] for run in free)
+    for part in parts:
+        if len(part.runs) == 1 and part.equation == "cable_kinematics":
+            assert part.squared == pytest.approx(cable[part.runs[0]])
 
 
 def floors_of_runs(coefficients: Sequence[float]) -> tuple[dict[str, EquationError], float]:

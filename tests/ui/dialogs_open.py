@@ -21,16 +21,18 @@ from fingerlab.models.file import TriedModel
 from fingerlab.prediction.comparing import ComparedModel, ModelComparison
 from fingerlab.ui.acquire.acquire_bars import FROM_FILE
 from fingerlab.ui.acquire.acquire_tab import ask_to_close
-from fingerlab.ui.acquire.connect_page import ConnectPage
+from fingerlab.ui.acquire.connect_page import MODEL, ConnectPage
 from fingerlab.ui.acquire.recording_control import DetailsDialog
 from fingerlab.ui.app.window import MainWindow, ask_to_run
 from fingerlab.ui.calibrate.calibrate_tab import ask_to_leave
+from fingerlab.ui.lab.drafts import DraftDialog
 from fingerlab.ui.lab.model_dialogs import NotesDialog, TriedDialog
 from fingerlab.ui.lab.own_effects import OwnEffects
 from fingerlab.ui.lab.own_effects import ask_to_leave as ask_to_leave_text
 from fingerlab.ui.sessions.import_dialog import ImportDialog
 from fingerlab.ui.widgets.plot_figure import paper_of
 
+from .lab.invented_law import invented_law
 from .standing_open import Stage, Step, Surface, standing
 
 # what is needed to open some of them
@@ -46,6 +48,12 @@ def _details(stage: Stage) -> None:
 
 def _own_effects(stage: Stage) -> None:
     stage.tab("model_lab").show_own_effects()
+
+
+def _drafted(stage: Stage) -> None:
+    dialog = DraftDialog(stage.tab("model_lab").pages)
+    dialog.show_laws([invented_law()])
+    dialog.show()
 
 
 def _run_by_run(stage: Stage) -> None:
@@ -106,6 +114,12 @@ def _take_session(stage: Stage) -> None:
 def _own_device(stage: Stage) -> None:
     page: ConnectPage = stage.tab("acquire").connect_page
     page._browse_own()
+
+
+def _saved_model(stage: Stage) -> None:
+    page: ConnectPage = stage.tab("acquire").connect_page
+    page.effect.setCurrentIndex(page.effect.findData(MODEL))
+    page._simulated_wanted()
 
 
 def _first_plot(stage: Stage) -> QWidget:
@@ -206,6 +220,11 @@ DIALOGS = (
         ("acquire/motion_form.py:MotionsButton._ask_name",),
     ),
     Surface("Own device", (_own_device,), ("acquire/connect_page.py:ConnectPage._browse_own",)),
+    Surface(
+        "The bench of a saved model",
+        (_saved_model,),
+        ("acquire/connect_page.py:ConnectPage._simulated_wanted",),
+    ),
     Surface(
         "Replay a recording",
         (lambda s: s.tab("acquire").connect_page._on_replay(),),
@@ -344,6 +363,12 @@ DIALOGS = (
         "What would mend the error",
         (lambda s: s.tab("model_lab").view.show_budget(),),
         ("lab/budget.py:BudgetDialog",),
+        "model_lab",
+    ),
+    Surface(
+        "Drafted laws",
+        (_drafted,),
+        ("lab/drafts.py:DraftDialog",),
         "model_lab",
     ),
     Surface(

@@ -42,6 +42,8 @@ DEFAULT_RIG = (
     "the device server of a card in another machine."
 )
 CHECKED = {"card": "the card", "simulated": "the simulated rig, as a rehearsal", "own": "the own device"}
+MODEL = "model"
+MODEL_FILTER = "Saved models (*.json);;All files (*)"
 PYTHON_FILTER = "Python files (*.py);;All files (*)"
 SESSION_FILTER = "Session files (*.h5 *.hdf5);;All files (*)"
 
@@ -92,8 +94,13 @@ class ConnectPage(QWidget):
         self.simulated.setProperty("primary", "true")
         self.effect: QComboBox = choice(
             "simulatedEffect",
-            {"": "without a missing effect", "hidden": "with a hidden effect"},
-            "Effect: what the simulated rig has that the nominal model lacks.",
+            {
+                "": "without a missing effect",
+                "hidden": "with a hidden effect",
+                MODEL: "as a saved model has it …",
+            },
+            "Effect: what the simulated rig has that the nominal model lacks; or the bench that a model "
+            "found, its values drawn from their uncertainty by the number of the bench.",
         )
         self.effect.setMinimumContentsLength(24)
         self.seed = described(WholeField(), "simulatedSeed", accessible="Number of the simulated bench")
@@ -305,11 +312,19 @@ class ConnectPage(QWidget):
     def _simulated_wanted(self) -> BenchRequest | None:
         if take_typed([self.seed, self.fault_after]):  # the field says what is wrong
             return None
+        effect, preset = str(self.effect.currentData()), "practice"
+        if effect == MODEL:
+            title = "A saved model, whose bench is simulated"
+            preset = QFileDialog.getOpenFileName(self, title, str(self._folder), MODEL_FILTER)[0]
+            if not preset:
+                return None
+            effect = ""
         return BenchRequest(
             "simulated",
             self.rig_file,
-            str(self.effect.currentData()),
+            effect,
             self.seed.value(),
+            preset=preset,
             fault=str(self.fault.currentData()),
             fault_after_s=self.fault_after.value(),
         )

@@ -31,6 +31,7 @@ from ..app.worker import IsCancelled, Progress, Work, Worker
 
 if TYPE_CHECKING:
     from fingerlab.diagnosis.answer.errors import ParametersAtHand
+    from fingerlab.diagnosis.draft.laws import DraftLaw
     from fingerlab.diagnosis.gram.reduction import Reduction
 
 
@@ -151,6 +152,18 @@ class SessionDiagnosis:
 
         return ParametersAtHand(self._reduction(sessions), diagnosis, Watch(progress, cancelled))
 
+    def drafted(
+        self, sessions: Sequence[Session], diagnosis: Diagnosis, progress: Progress, cancelled: IsCancelled
+    ) -> tuple[DraftLaw, ...]:
+        """Laws for what a diagnosis leaves; called in the worker, too."""
+        from fingerlab.core.progress import Watch
+        from fingerlab.diagnosis.draft.laws import draft_laws
+
+        best = [one.effect for one in sorted(diagnosis.candidates, key=lambda one: one.score)]
+        watch = Watch(progress, cancelled)
+        kept = self._reduction(sessions)
+        return draft_laws(kept, diagnosis.last, diagnosis.fitted, best, watch, with_curves=True)
+
     def _reduction(self, sessions: Sequence[Session]) -> Reduction:
         from fingerlab.diagnosis.gram.reduction import Reduction
 
@@ -199,6 +212,7 @@ class LabController(QObject):
         self._running: ModelKey | None = None
         own = diagnose if isinstance(diagnose, SessionDiagnosis) else SessionDiagnosis()
         self._diagnose, self._at_hand = diagnose or own, own.at_hand
+        self._drafted = own.drafted
         tasks.started.connect(self.activity_changed)
         tasks.ended.connect(self.activity_changed)
         tasks.ended.connect(self._forget_look)
@@ -298,6 +312,22 @@ class LabController(QObject):
                 done(found)
 
         self._start("Laying out the parameters", work, if_still_shown)
+
+    def draft(self, done: Callable[[tuple[DraftLaw, ...]], None]) -> None:
+        """Have laws drafted for what the present diagnosis leaves, in the background."""
+        sessions, diagnosis = self.sessions, self.diagnosis
+        if diagnosis is None:
+            return
+        shown = diagnosis
+
+        def work(progress: Progress, cancelled: IsCancelled) -> tuple[DraftLaw, ...]:
+            return self._drafted(sessions, shown, progress, cancelled)
+
+        def if_still_shown(found: tuple[DraftLaw, ...]) -> None:
+            if self.diagnosis is shown:
+                done(found)
+
+        self._start("Drafting a law", work, if_still_shown)
 
     def keep(self) -> None:
         """Write the project, as far as there is anything to keep."""

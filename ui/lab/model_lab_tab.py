@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from PySide6.QtCore import QTimer, SignalInstance
+from PySide6.QtCore import Qt, QTimer, SignalInstance
 from PySide6.QtWidgets import QFileDialog, QStackedWidget
 
 from fingerlab.core.errors import UserError
@@ -23,6 +23,7 @@ from .result_words import sessions_text
 from .truth import ResultActions
 
 if TYPE_CHECKING:
+    from fingerlab.diagnosis.draft.laws import DraftLaw
     from fingerlab.sessions.model import Session
 
     from .lab_view import LabView
@@ -128,6 +129,7 @@ class ModelLabTab(Tab):
             Command("Previous run", lambda: self.view.bar.step_run(-1), "Alt+Up", compared),
             Command("What the &error is made of…", lambda: self.view.show_score_parts(), "F7", compared),
             Command("What would &mend the error…", lambda: self.view.show_budget(), "Shift+F7", compared),
+            Command("&Draft a law for what is missing…", self.draft_a_law, None, compared),
             Command("Whole run", lambda: self.view.plot.show_all(), "Alt+Home", compared),
             Command(
                 "&Fit the heights to what is shown", lambda: self.view.plot.fit_heights(), None, compared
@@ -241,6 +243,30 @@ class ModelLabTab(Tab):
         dialog = OwnEffects(self.pages, self.context.settings.folder())
         if failure is not None:
             dialog.start_from(failure.equation, failure.text)
+        dialog.open()
+        dialog.write_new()
+
+    def draft_a_law(self) -> None:
+        """Laws for what is missing and not in the catalogue, in a window of their own."""
+        from .drafts import DraftDialog
+
+        def show(laws: tuple[DraftLaw, ...]) -> None:
+            dialog = DraftDialog(self.pages)
+            dialog.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
+            dialog.own_asked.connect(self.write_drafted_effect)
+            dialog.show_laws(laws)
+            dialog.show()
+
+        self.controller.draft(show)
+
+    def write_drafted_effect(self, law: DraftLaw) -> None:
+        """A file of an own effect that is a drafted law."""
+        from fingerlab.diagnosis.draft.own_file import own_effect_text
+
+        from .own_effects import OwnEffects
+
+        dialog = OwnEffects(self.pages, self.context.settings.folder())
+        dialog.start_from_law(lambda path: own_effect_text(path, law))
         dialog.open()
         dialog.write_new()
 

@@ -53,6 +53,7 @@ class OwnEffects(QDialog):
     def __init__(self, parent: QWidget | None, folder: str) -> None:
         super().__init__(parent)
         self._start = folder
+        self._text: Callable[[Path], str] | None = None
         self.setWindowTitle("Own effects")
         self.setObjectName("ownEffects")
         self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
@@ -149,6 +150,10 @@ class OwnEffects(QDialog):
         """What a new file is to begin with: the equation in which the model fails, and where."""
         self._equation, self._found = equation, found
 
+    def start_from_law(self, text: Callable[[Path], str]) -> None:
+        """What a new file holds: the text of a drafted law, by the file's path."""
+        self._text = text
+
     def write_new(self) -> None:
         """A new file from the template, opened for editing; nothing is written before it is saved."""
         from fingerlab.core.trust import read_settings
@@ -160,7 +165,8 @@ class OwnEffects(QDialog):
             name, _ = QFileDialog.getSaveFileName(self, "Name of the new effect", str(start), PYTHON)
             if name:
                 path = Path(name)
-                text = own.template(path, self._equation, self._found)
+                make = self._text
+                text = make(path) if make else own.template(path, self._equation, self._found)
                 own.save_own(path, text)
                 self._open(path, text)
 

@@ -50,6 +50,10 @@ from fingerlab.sessions.recording_files import FEED_FORWARD
 LET_GO, LET_GO_SPEED = math.radians(2.0), math.radians(4.0)
 """rad, rad/s: by how much a cable that is tight is let go again (assumed: twice what moved the joints)."""
 
+MOST_LOST = 0.02
+"""Share of a run's samples that may be missing when the next one is learned from it (assumed: gaps of some
+milliseconds are bridged as in a diagnosis, longer ones end it there)."""
+
 LONGEST_BEFORE_S = 25.0
 """Pre-trigger: well within the shortest ring."""
 
@@ -352,7 +356,7 @@ class ProtocolDriver:
         self.bench.ask(Enable())
 
     def _last_run(self) -> Run:
-        """The run before, from the ring.
+        """The run before, from the ring; a few lost samples are left to whoever looks at it.
 
         Raises:
             UserError: it is no longer there as a whole.
@@ -360,8 +364,13 @@ class ProtocolDriver:
         info = self.run
         assert info is not None
         assert info.stop is not None
-        rows = self.bench.ring.last(self.newest - info.start + 1)[: info.stop - info.start]
-        if len(rows) < info.stop - info.start or rows[0, COLUMN["index"]] != info.start:
+        rows, wanted = self.bench.ring.last(self.newest - info.start + 1), info.stop - info.start
+        index = rows[:, COLUMN["index"]]
+        rows = rows[(index >= info.start) & (index < info.stop)]
+        if (
+            len(rows) < (1.0 - MOST_LOST) * wanted
+            or rows[0, COLUMN["index"]] > info.start + MOST_LOST * wanted
+        ):
             raise UserError(
                 f"Run {self.number} cannot be looked at before the next one: samples are missing, or it is "
                 "too long; choose a shorter wanted force."

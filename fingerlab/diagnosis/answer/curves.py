@@ -96,6 +96,14 @@ class Display:
         )  # fmt: skip
         self.stretches.append(kept)
 
+    def fingerprint_between(
+        self, reduced: Reduced, effect: Effect, base: FittedModel, fitted: FittedModel
+    ) -> Fingerprint | None:
+        """What ``base`` leaves over the coordinate of an effect, and what ``fitted`` tells of that; SI."""
+        groups, scales = {g.key: g for g in reduced.groups}, reduced.layout.scales
+        drawn = _fingerprint(effect, base, fitted, groups, self.stretches, reduced.on_bench, ({}, {}))
+        return drawn if drawn is None or scales == SI else _told_print(drawn, scales)
+
     def curves(self, reduced: Reduced, evidence: Evidence, offsets: OffsetsOf) -> Curves:
         """Comparisons of the model as given, and the fingerprint of every effect tried beside it.
 

@@ -7,7 +7,7 @@ with it held would. Errors are those on all runs, under the weights of the fit; 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,12 +17,15 @@ from fingerlab.core.progress import SILENT, Watch
 from fingerlab.core.text import ParameterEstimate
 from fingerlab.diagnosis.answer.curves import Display, RunOffsets, comparisons_of
 from fingerlab.diagnosis.answer.results import (
+    FAMILIES,
     ROW_EQUATIONS,
     Comparison,
     Diagnosis,
     EquationError,
     HeldOutRuns,
     LeftAside,
+    RunAside,
+    RunShare,
     ScorePart,
 )
 from fingerlab.diagnosis.answer.wording import residual_offsets
@@ -32,12 +35,12 @@ from fingerlab.diagnosis.equations.model import Choice
 from fingerlab.diagnosis.fit.noise import floor_covariance, misfit_floor
 from fingerlab.diagnosis.fit.solver import Fit, Fitter
 from fingerlab.diagnosis.gram.reduction import Reduction
-from fingerlab.diagnosis.gram.sums import Group, Reduced
+from fingerlab.diagnosis.gram.sums import Group, Reduced, RunTotals
 from fingerlab.diagnosis.score.fitted_model import FittedModel, at_found_shapes
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.settings import FULL_ITERATIONS, NARROW_RATE_HZ, Z90
 from fingerlab.diagnosis.signals.conditions import GroupKey, deal_runs, group_key
-from fingerlab.diagnosis.signals.filters import BRIDGED
+from fingerlab.diagnosis.signals.filters import BRIDGED, CUT_OUT, EFFECTIVE_SHARE
 from fingerlab.diagnosis.signals.scales import as_recorded
 from fingerlab.effects.base import Row
 from fingerlab.rig.file import changed_words, sources_of
@@ -182,80 +185,148 @@ def held_out_runs(runs: Sequence[Run], reduced: Reduced, fitted: FittedModel) ->
     return tuple(found)
 
 
-def score_parts(runs: Sequence[Run], reduced: Reduced, fitted: FittedModel) -> tuple[ScorePart, ...]:
-    """What every equation of every condition adds to the squared score; () if it is not of held-out runs.
+def run_shares(
+    runs: Sequence[tuple[str, Run]], reduced: Reduced, fitted: FittedModel
+) -> tuple[tuple[RunShare, ...], tuple[ScorePart, ...]]:
+    """What every family of equations of every run adds to the squared score, and every equation by motion.
 
-    The misfit of a condition goes to its group's equations as the weighted products of their residuals do;
-    what they miss together, half to each.
+    The misfit of a fold goes to its equations as the weighted products of their residuals do; what they miss
+    together, half to each. Runs that were held out together share it by their samples. Both are empty where
+    the score is not one of held-out runs.
 
     Args:
-        runs: that are analysed.
+        runs: that are analysed, with the session of each.
     """
-    if not fitted.held_out or not fitted.residuals:
-        return ()
-    members, parts = _members(runs), list[ScorePart]()
+    if not fitted.held_out or not fitted.folds:
+        return (), ()
     total, every = max(fitted.count, 1.0), max(sum(g.samples for g in reduced.groups), 1)
     # A misfit below what noise gives counts as none, in the score as here.
-    scale = 1.0 if float(fitted.misfits[:, 0].sum()) > 0 else 0.0
-    misfits = iter(fitted.misfits[:, 0])
+    scale = (1.0 if float(fitted.misfits[:, 0].sum()) > 0 else 0.0) / total
+    shares, parts = list[RunShare](), list[ScorePart]()
     for group in reduced.groups:
-        shares = _shares_of_rows(fitted, group)
-        for condition in group.conditions:
-            misfit = scale * float(next(misfits))
-            folds = [group.folds[k] for k in group.of_condition(condition)]
-            samples = sum(fold.samples for fold in folds)
-            aside = sum(fold.slack_samples for fold in folds) / max(samples, 1)
-            mine = [runs[number] for number in members[group.key, condition]]
-            for row, share in shares.items():
-                parts.append(
-                    ScorePart(
-                        tuple(run.name for run in mine), mine[0].phase, mine[0].cable, ROW_EQUATIONS[row],
-                        samples / every, aside if row == Row.CABLE else 0.0, share * misfit / total,
-                    )
-                )  # fmt: skip
-    return tuple(parts)
+        of_rows = _shares_of_rows(fitted, group)
+        left = scale * fitted.folds[group.key].misfits
+        for fold, rows, misfit in zip(group.folds, of_rows, left, strict=True):
+            floor = EFFECTIVE_SHARE * group.equations / len(rows) / total
+            for one in fold.totals:
+                session, run = runs[one.number]
+                count, loose = float(one.counts[0]), float(one.counts[1])
+                part = misfit * count / max(fold.samples, 1)
+                for family in dict.fromkeys(FAMILIES[ROW_EQUATIONS[row]] for row in rows):
+                    mine = [row for row in rows if FAMILIES[ROW_EQUATIONS[row]] == family]
+                    squared = part * sum(rows[row] for row in mine)
+                    aside = loose / max(count, 1.0) if Row.CABLE in mine else 0.0
+                    share = squared + floor * count * len(mine)
+                    shares.append(
+                        RunShare(
+                            session, run.name, run.phase, run.cable, family,
+                            count / every, aside, squared, share,
+                        )
+                    )  # fmt: skip
+        parts += _parts_of_motions([run for _, run in runs], group, of_rows, left, every)
+    return _none_below_zero(shares), tuple(parts)
 
 
-def left_aside(reduction: Reduction, reduced: Reduced, fitted: FittedModel) -> tuple[LeftAside, ...]:
-    """What of each condition's time some equation, or none at all, is not judged by, and why."""
+def _none_below_zero(shares: Sequence[RunShare]) -> tuple[RunShare, ...]:
+    """The shares with none below zero, as where a run left less than noise would; their sum stays."""
+    whole = sum(one.share for one in shares)
+    kept = whole / sum(max(one.share, 0.0) for one in shares)
+    return tuple(replace(one, share=kept * max(one.share, 0.0)) for one in shares)
+
+
+def _parts_of_motions(
+    runs: Sequence[Run], group: Group, of_rows: Sequence[Mapping[Row, float]], left: Array, every: int
+) -> Iterator[ScorePart]:
+    """The same by motions and equations: a motion's runs, the folds of its condition.
+
+    Args:
+        of_rows: each fold's shares of the equations. left: what each adds, (folds,). every: samples of all.
+    """
+    for condition in group.conditions:
+        places = group.of_condition(condition)
+        folds = [group.folds[k] for k in places]
+        samples = sum(fold.samples for fold in folds)
+        aside = sum(fold.slack_samples for fold in folds) / max(samples, 1)
+        mine = [runs[n] for n in sorted(one.number for fold in folds for one in fold.totals)]
+        for row in of_rows[places[0]]:
+            yield ScorePart(
+                tuple(run.name for run in mine), mine[0].phase, mine[0].cable, ROW_EQUATIONS[row],
+                samples / every, aside if row == Row.CABLE else 0.0,
+                float(sum(of_rows[k][row] * left[k] for k in places)),
+            )  # fmt: skip
+
+
+def run_asides(
+    reduction: Reduction, reduced: Reduced, fitted: FittedModel
+) -> tuple[tuple[RunAside, ...], tuple[LeftAside, ...]]:
+    """What of each run's time some equation, or none at all, is not judged by, and why; and by motions."""
     every = reduction.analysed
-    members, found = _members(every), list[LeftAside]()
+    asides, found = list[RunAside](), list[LeftAside]()
     for group in reduced.groups:
         for condition in group.conditions:
-            mine = members[group.key, condition]
-            runs = [every[number] for number in mine]
             folds = [group.folds[k] for k in group.of_condition(condition)]
-            whole = NARROW_RATE_HZ * sum(run.seconds for run in runs)
-            put_right = sum(
-                count for n in mine for name, count in reduction.repairs[n].items() if name != BRIDGED
-            )
-            shares = (
-                ("", "ramp", 1.0 - sum(fold.samples for fold in folds) / whole),
-                ("cable_kinematics", "slack", sum(fold.slack_samples for fold in folds) / whole),
-                (
-                    "",
-                    "standstill",
-                    sum(f.rest_samples for f in folds) / whole if fitted.model.sticking else 0.0,
-                ),
-                ("", "spikes", put_right / max(sum(run.length for run in runs), 1)),
-            )
-            names, lasts = tuple(run.name for run in runs), sum(as_recorded(run).seconds for run in runs)
-            found += [
-                LeftAside(names, runs[0].phase, runs[0].cable, equation, reason, share, share * lasts)
-                for equation, reason, share in shares
-                if share > 0
-            ]
-    return tuple(found)
+            totals = sorted((one for fold in folds for one in fold.totals), key=lambda one: one.number)
+            mine = [aside for one in totals for aside in _asides(reduction, one, bool(fitted.model.sticking))]
+            asides += mine
+            runs = [every[one.number] for one in totals]
+            names = tuple(run.name for run in runs)
+            lasts = sum(_lasts(reduction, one.number) for one in totals)
+            for equation, reason in dict.fromkeys((one.equation, one.reason) for one in mine):
+                seconds = sum(one.seconds for one in mine if one.reason == reason)
+                found.append(
+                    LeftAside(names, runs[0].phase, runs[0].cable, equation, reason, seconds / lasts, seconds)
+                )
+    return tuple(asides), tuple(found)
 
 
-def _shares_of_rows(fitted: FittedModel, group: Group) -> dict[Row, float]:
-    """Share of a group's misfit that each of its equations has; together 1."""
+def _asides(reduction: Reduction, totals: RunTotals, sticking: bool) -> list[RunAside]:
+    """The same of one run; ``sticking``: friction of the model may hold any torque at rest."""
+    number, (samples, slack, rest) = totals.number, totals.counts
+    (session, name), run = reduction.runs[number], reduction.analysed[number]
+    repairs = reduction.repairs[number]
+    bridged, cut = repairs.get(BRIDGED, 0), repairs.get(CUT_OUT, 0)
+    put_right = sum(count for what, count in repairs.items() if what not in (BRIDGED, CUT_OUT))
+    length = _whole_length(reduction, number)
+    whole = NARROW_RATE_HZ * length / run.sample_rate_hz
+    shares = (
+        ("", "ramp", 1.0 - float(samples) / whole - cut / length),
+        ("cable_kinematics", "slack", float(slack) / whole),
+        ("", "standstill", float(rest) / whole if sticking else 0.0),
+        ("", "spikes", put_right / length),
+        ("", "gap", (bridged + cut) / length),
+    )
+    lasts = _lasts(reduction, number)
+    return [
+        RunAside(session, name, run.phase, run.cable, equation, reason, share, share * lasts)
+        for equation, reason, share in shares
+        if share > 0
+    ]
+
+
+def _whole_length(reduction: Reduction, number: int) -> int:
+    """Samples of a run, with those that were lost."""
+    repairs = reduction.repairs[number]
+    return max(reduction.analysed[number].length + repairs.get(BRIDGED, 0) + repairs.get(CUT_OUT, 0), 1)
+
+
+def _lasts(reduction: Reduction, number: int) -> float:
+    """How long they took, s."""
+    return _whole_length(reduction, number) / as_recorded(reduction.analysed[number]).sample_rate_hz
+
+
+def _shares_of_rows(fitted: FittedModel, group: Group) -> list[dict[Row, float]]:
+    """Share of each fold's misfit that each of its equations has; together 1."""
     noise = misfit_floor(fitted.model, fitted.fit.values, group, fitted.weights[group.key])
     weights = fitted.weights[group.key]
-    missed = np.maximum(np.einsum("ij,ij->i", weights, fitted.residuals[group.key] - noise), 0.0)
-    rows = [row for row in Row if weights[row, row] > 0]
-    whole = float(missed[rows].sum())
-    return {row: float(missed[row]) / whole if whole > 0 else 1.0 / len(rows) for row in rows}
+    # Where the tip is, an equation says in contact alone.
+    rows = [row for row in Row if weights[row, row] > 0 and (row != Row.TIP or group.in_contact)]
+    found = []
+    for fold, residuals in zip(group.folds, fitted.folds[group.key].residuals, strict=True):
+        mean = residuals / max(fold.samples, 1)
+        missed = np.maximum(np.einsum("ij,ij->i", weights, mean - noise), 0.0)
+        whole = float(missed[rows].sum())
+        found.append({row: float(missed[row]) / whole if whole > 0 else 1.0 / len(rows) for row in rows})
+    return found
 
 
 def _members(runs: Sequence[Run]) -> dict[tuple[GroupKey, int], list[int]]:

@@ -32,6 +32,22 @@ ROW_EQUATIONS = {
     Row.BENCH: "motor_torque",
     Row.TIP: "tip_depth",
 }
+FAMILIES = {
+    "mcp_torque": "joint_torque",
+    "pip_torque": "joint_torque",
+    "cable_kinematics": "cable_kinematics",
+    "motor_torque": "motor_torque",
+    "tip_depth": "endpoint_force",
+}
+"""Family of ``cli.md`` to which each equation that is scored belongs; where a tip lies, its force says."""
+WHY_ASIDE = {
+    "ramp": "ramp",
+    "slack": "slack",
+    "standstill": "standstill",
+    "spikes": "outliers",
+    "gap": "gap",
+}
+"""Reasons of :class:`RunAside`, and what ``cli.md`` calls them."""
 
 
 @dataclass(frozen=True)
@@ -102,6 +118,7 @@ class Candidate:
     """One effect of the catalogue, judged on these sessions.
 
     ``score`` is the whole model's with it added, in place of those that it ``replaces`` (ids), if any.
+    ``at_bound``: a strength stands at the edge of what is allowed; beyond it, this could be what is missing.
     """
 
     effect: str
@@ -115,6 +132,7 @@ class Candidate:
     detectable: bool
     fingerprint: Fingerprint | None = None
     replaces: tuple[str, ...] = ()
+    at_bound: bool = False
 
 
 @dataclass(frozen=True)
@@ -170,6 +188,16 @@ class HeldOutRuns:
     change: str = ""
 
 
+FINDINGS = {
+    "moving_zero": "sensor_zero",
+    "spikes": "outliers",
+    "lost_samples": "gaps",
+    "skew": "skew",
+    "missing_channel": "dead_channel",
+}
+"""Kinds of findings, and their names in ``cli.md``; the zero of the motor's torque is the amplifier's."""
+
+
 @dataclass(frozen=True)
 class BenchFinding:
     """What the recordings say of the bench itself, which is no matter of physics.
@@ -177,7 +205,7 @@ class BenchFinding:
     Attributes:
         kind: "moving_zero", "spikes", "lost_samples", "skew", "missing_channel".
         channel: that it is about. size: how much of it, in ``unit``. runs: that show it.
-        text: a sentence with what to do about it.
+        sentence: what was found. advice: what to do about it; both without a full stop.
     """
 
     kind: str
@@ -185,7 +213,27 @@ class BenchFinding:
     size: float
     unit: str
     runs: tuple[str, ...]
-    text: str
+    sentence: str
+    advice: str
+
+    @property
+    def text(self) -> str:
+        """Both as one sentence."""
+        return f"{self.sentence}: {self.advice}."
+
+    def to_json(self) -> dict[str, Any]:
+        """The object of ``cli.md``, "bench"."""
+        amplifier = self.kind == "moving_zero" and self.channel == "motor_torque"
+        return {
+            "finding": "amplifier_offset" if amplifier else FINDINGS[self.kind],
+            "channel": self.channel,
+            "size": {"value": self.size, "unit": self.unit},
+            "sentence": f"{self.sentence}.",
+            "advice": f"{self.advice[:1].upper()}{self.advice[1:]}.",
+            "kind": self.kind,
+            "runs": list(self.runs),
+            "text": self.text,
+        }
 
 
 @dataclass(frozen=True)
@@ -276,6 +324,51 @@ class Budget:
 
 
 @dataclass(frozen=True)
+class RunShare:
+    """What one family of equations of one run adds to the squared score of the model as given.
+
+    Attributes:
+        session, run, phase, cable: which run. equation: the family, "joint_torque" and so on.
+        samples: share of all samples that the run holds, 0 to 1.
+        left_aside: as of :class:`ScorePart`.
+        squared: all of these, and 1 for the floor, sum to the square of the score.
+        share: the same with the floor's 1 dealt to runs and equations by samples; all sum to the square.
+    """
+
+    session: str
+    run: str
+    phase: str
+    cable: str
+    equation: str
+    samples: float
+    left_aside: float
+    squared: float
+    share: float
+
+
+@dataclass(frozen=True)
+class RunAside:
+    """How much of one run an equation is not judged by, and why.
+
+    Attributes:
+        session, run, phase, cable: which run. equation, reason, share, seconds: as of :class:`LeftAside`.
+    """
+
+    session: str
+    run: str
+    phase: str
+    cable: str
+    equation: str
+    reason: str
+    share: float
+    seconds: float
+
+    def to_json(self) -> dict[str, Any]:
+        """The object of ``cli.md``, "left_aside"."""
+        return {**vars(self), "why": WHY_ASIDE[self.reason], "runs": [self.run]}
+
+
+@dataclass(frozen=True)
 class LeftAside:
     """How much of the runs of one motion an equation is not judged by, and why.
 
@@ -283,7 +376,7 @@ class LeftAside:
         runs, phase, cable: as in :class:`ScorePart`. equation: its id; empty: every equation.
         reason: "ramp" (start-up and the edges of filters and gaps), "slack" (the cable may hang loose),
             "standstill" (counted, but weighed less: friction that sticks may hold any torque there),
-            "spikes" (samples put on the line between their neighbours).
+            "spikes" (samples put on the line between their neighbours), "gap" (samples that were lost).
         share: of the runs' time, 0 to 1. seconds: the same as time, s.
     """
 
@@ -384,6 +477,8 @@ class Diagnosis:
     held_out: tuple[HeldOutRuns, ...] = ()
     score_parts: tuple[ScorePart, ...] = ()
     left_aside: tuple[LeftAside, ...] = ()
+    run_shares: tuple[RunShare, ...] = ()
+    run_asides: tuple[RunAside, ...] = ()
     repeats: bool = True
     bench: tuple[BenchFinding, ...] = ()
     better: OtherModel | None = None
@@ -419,6 +514,7 @@ class Diagnosis:
                     "explanation": c.explanation,
                     "detectable": c.detectable,
                     **({"replaces": list(c.replaces)} if c.replaces else {}),
+                    **({"at_bound": True} if c.at_bound else {}),
                 }
                 for c in self.candidates
             ],
@@ -435,12 +531,14 @@ class Diagnosis:
             "next_experiment": None if self.next_experiment is None else dict(self.next_experiment),
             "seconds": self.seconds,
             "floor_from_repetition": self.repeats,
-            "score_parts": [vars(part) | {"runs": list(part.runs)} for part in self.score_parts],
-            "left_aside": [vars(one) | {"runs": list(one.runs)} for one in self.left_aside],
-            "bench": [vars(one) | {"runs": list(one.runs)} for one in self.bench],
+            "floor_from": "cycles" if self.repeats else "state law",
+            "score_parts": [vars(part) | {"runs": [part.run]} for part in self.run_shares],
+            "left_aside": [one.to_json() for one in self.run_asides],
+            "bench": [one.to_json() for one in self.bench],
             **({"paired": [asdict(one) for one in self.paired]} if self.paired else {}),
             "better_model": None if self.better is None else self.better.to_json(),
             "as_good_models": [one.to_json() for one in self.as_good],
+            **({} if self.calibration is None else {"typical": self.calibration.typicality}),
             "calibration": None if self.calibration is None else self.calibration.to_json(),
             **({"held": dict(self.held)} if self.held else {}),
             **({"budget": {name: one.to_json() for name, one in self.budget.items()}} if self.budget else {}),

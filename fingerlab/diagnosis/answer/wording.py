@@ -15,7 +15,7 @@ from fingerlab.diagnosis.gram.sums import SOURCES, Offsets
 from fingerlab.diagnosis.score.evidence import Evidence
 from fingerlab.diagnosis.score.fitted_model import FittedModel, at_assumed_bounds, own_keys
 from fingerlab.diagnosis.settings import LEAST_SPIKES, MOST_NAMED, TOLD_OFFSET, TOLD_SHARE, TOLD_SKEW_S, Z90
-from fingerlab.diagnosis.signals.filters import BRIDGED
+from fingerlab.diagnosis.signals.filters import BRIDGED, CUT_OUT
 from fingerlab.effects import find_effect
 from fingerlab.effects.base import Effect, Row
 from fingerlab.models.file import ParameterEstimate
@@ -49,11 +49,12 @@ def _channels(reduction: Reduction) -> list[BenchFinding]:
     for channel in sorted({name for _, names in lost for name in names}):
         runs = tuple(run for run, names in lost if channel in names)
         them = "it is" if len(runs) == 1 else "they are"
-        text = (
+        said = (
             f"Channel '{channel}' was lost in {_count(len(runs), 'run')} ({', '.join(runs[:5])}"
-            f"{', ...' if len(runs) > 5 else ''}); {them} left aside: look at its cable, and record again."
+            f"{', ...' if len(runs) > 5 else ''}); {them} left aside"
         )
-        result.append(BenchFinding("missing_channel", channel, float(len(runs)), "runs", runs, text))
+        advice = "look at its cable, and record again"
+        result.append(BenchFinding("missing_channel", channel, float(len(runs)), "runs", runs, said, advice))
     return result
 
 
@@ -67,12 +68,12 @@ def _skew(reduction: Reduction, last: FittedModel) -> list[BenchFinding]:
     if abs(late) < max(TOLD_SKEW_S, TOLD_OFFSET * unsure):
         return []
     at_least = "at least " if abs(late) >= last.model.high[place] * 0.99 else ""
-    text = (
+    said = (
         f"The joint angles come {at_least}{_number(abs(late) * seconds * 1e3)} ms "
-        f"{'after' if late > 0 else 'before'} the motor's channels: "
-        "read all channels at one instant, or correct their times."
+        f"{'after' if late > 0 else 'before'} the motor's channels"
     )
-    return [BenchFinding("skew", "mcp_angle", late * seconds, "s", (), text)]
+    advice = "read all channels at one instant, or correct their times"
+    return [BenchFinding("skew", "mcp_angle", late * seconds, "s", (), said, advice)]
 
 
 def _moved(reduction: Reduction, offsets: Sequence[Offsets], rig: Rig) -> list[BenchFinding]:
@@ -101,33 +102,35 @@ def _moved(reduction: Reduction, offsets: Sequence[Offsets], rig: Rig) -> list[B
             continue
         worst = int(np.argmax(np.abs(away)))
         run = reduction.runs[numbers[every[worst]]][1]
-        text = _moved_words(channel, spread, float(np.abs(away[worst])), run, rig)
-        result.append(BenchFinding("moving_zero", channel, spread, unit, (run,), text))
+        words = _moved_words(channel, spread, float(np.abs(away[worst])), run, rig)
+        result.append(BenchFinding("moving_zero", channel, spread, unit, (run,), *words))
     # One joint's zero is told from the other's by springs and arms that are not known to the last.
     most = max((one.size for one in result if one.unit == "rad"), default=0.0)
     return [one for one in result if one.unit != "rad" or one.size > TOLD_SHARE * most]
 
 
-def _moved_words(channel: str, spread: float, most: float, run: str, rig: Rig) -> str:
+def _moved_words(channel: str, spread: float, most: float, run: str, rig: Rig) -> tuple[str, str]:
+    """What is said, and advised."""
     if channel == "motor_torque":
         gain = rig.motor.torque_constant * rig.motor.gear_ratio
         current = f" ({_number(spread / gain * 1e3)} mA of its current)" if gain > 0 else ""
         return (
             f"The zero of the motor's torque moves from run to run by {_number(spread * 1e3)} mN m{current}, "
-            f"at most by {_number(most * 1e3)} mN m in run {run}: let the amplifier warm up, or set its zero "
-            "at rest before each run."
+            f"at most by {_number(most * 1e3)} mN m in run {run}",
+            "let the amplifier warm up, or set its zero at rest before each run",
         )
     degrees = np.degrees(1.0)
     return (
         f"The zero of the {SENSORS[channel]} moves from run to run by {_number(spread * degrees)} degrees, "
-        f"at most by {_number(most * degrees)} in run {run}: clamp it, or calibrate before each run."
+        f"at most by {_number(most * degrees)} in run {run}",
+        "clamp it, or calibrate before each run",
     )
 
 
 def _spikes(reduction: Reduction) -> list[BenchFinding]:
     """Single samples that are no measurements."""
     result = []
-    channels = sorted({name for found in reduction.repairs.values() for name in found} - {BRIDGED})
+    channels = sorted({name for found in reduction.repairs.values() for name in found} - {BRIDGED, CUT_OUT})
     for channel in channels:
         runs = _with(reduction, channel)
         count = sum(reduction.repairs[n][channel] for n in runs)
@@ -135,27 +138,33 @@ def _spikes(reduction: Reduction) -> list[BenchFinding]:
             continue
         every = round(sum(reduction.samples[n] for n in runs) / count)
         names = tuple(reduction.runs[n][1] for n in runs)
-        text = (
+        said = (
             f"Channel '{channel}' has {_count(count, 'single spike')} in {_count(len(runs), 'run')}, one in "
-            f"{every:,} samples; they are left aside: look at its plug and its shield."
+            f"{every:,} samples; they are left aside"
         )
-        result.append(BenchFinding("spikes", channel, float(count), "samples", names, text))
+        advice = "look at its plug and its shield"
+        result.append(BenchFinding("spikes", channel, float(count), "samples", names, said, advice))
     return result
 
 
 def _lost(reduction: Reduction) -> list[BenchFinding]:
-    """Samples that were lost, a few at a time."""
-    runs = _with(reduction, BRIDGED)
-    count = sum(reduction.repairs[n][BRIDGED] for n in runs)
-    if not count:
-        return []
-    were = "was" if count == 1 else "were"
-    text = (
-        f"{_count(count, 'sample')} of {_count(len(runs), 'run')} {were} lost, a few at a time; the gaps are "
-        "bridged: close other programs while you record, or lower the rate."
-    )
-    names = tuple(reduction.runs[n][1] for n in runs)
-    return [BenchFinding("lost_samples", "time", float(count), "samples", names, text)]
+    """Samples that were lost, a few at a time or many."""
+    result = []
+    for how, said in (
+        (BRIDGED, "a few at a time; the gaps are bridged"),
+        (CUT_OUT, "many at a time; what lies between the gaps is analysed"),
+    ):
+        runs = _with(reduction, how)
+        count = sum(reduction.repairs[n][how] for n in runs)
+        if count:
+            were = "was" if count == 1 else "were"
+            sentence = f"{_count(count, 'sample')} of {_count(len(runs), 'run')} {were} lost, {said}"
+            advice = "close other programs while you record, or lower the rate"
+            names = tuple(reduction.runs[n][1] for n in runs)
+            result.append(
+                BenchFinding("lost_samples", "time", float(count), "samples", names, sentence, advice)
+            )
+    return result
 
 
 def _with(reduction: Reduction, channel: str) -> list[int]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from threadpoolctl import threadpool_limits
@@ -11,6 +11,8 @@ from threadpoolctl import threadpool_limits
 from fingerlab.core.errors import UserError
 from fingerlab.core.progress import SILENT, Watch
 from fingerlab.core.text import ParameterEstimate, estimate_text
+from fingerlab.diagnosis.answer.results import Fingerprint
+from fingerlab.diagnosis.draft.curves import seen_and_drafted
 from fingerlab.diagnosis.draft.search import Draft, Law, draft
 from fingerlab.diagnosis.draft.terms import PLACES, DraftTerm
 from fingerlab.diagnosis.fit.data import temperature
@@ -61,6 +63,7 @@ class DraftLaw:
         catalogue: id of the effect of the catalogue that does best beside the model at the end of the path,
             or its last one. catalogue_score: held-out error with that, in the same floors.
         cause: a sentence on what kind of cause it looks like.
+        fingerprint: what the model leaves and what the law tells of it; None where it was not asked for.
     """
 
     terms: tuple[LawTerm, ...]
@@ -72,6 +75,7 @@ class DraftLaw:
     catalogue_score: float
     cause: str
     law: Law = field(repr=False, compare=False)
+    fingerprint: Fingerprint | None = field(default=None, repr=False, compare=False)
 
     @property
     def variables(self) -> tuple[str, ...]:
@@ -139,12 +143,14 @@ def draft_laws(
     given: FittedModel | None,
     candidates: Sequence[str] = (),
     watch: Watch = SILENT,
+    with_curves: bool = False,
 ) -> tuple[DraftLaw, ...]:
     """Two or three laws for what the last model leaves; none where it leaves what every bench does.
 
     Args:
         reduction: that was given to the diagnosis (``kept``). last, given: of that diagnosis.
         candidates: ids of the catalogue's effects, the best first; it is told what the law beats.
+        with_curves: whether a plot of each is wanted.
 
     Raises:
         UserError: the diagnosis keeps no model, or a run cannot be read. Cancelled: the user asked for it.
@@ -154,7 +160,9 @@ def draft_laws(
     models = [last] if last.effect_ids == given.effect_ids else [last, given]
     with threadpool_limits(limits=1, user_api="blas"):
         found = draft(reduction, models, candidates, watch)
-    return tuple(_told(found, law) for law in found.laws)
+        seen = [seen_and_drafted(reduction, law) if with_curves else None for law in found.laws]
+    each = zip(found.laws, seen, strict=True)
+    return tuple(replace(_told(found, law), fingerprint=curve) for law, curve in each)
 
 
 NOTHING_DRAFTED = (

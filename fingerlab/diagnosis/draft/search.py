@@ -284,10 +284,11 @@ def draft(
         return Draft()
     found.sort(key=lambda one: one[1].fitted.misfit + _charge(one[1].fitted))
     weights = found[0][0].own_weights(found[0][1])
-    laws: dict[tuple[frozenset[str], int], Law] = {}
-    for rest, law in found:
-        key = frozenset(t.id for t in law.terms), len(rest.effects)
-        laws.setdefault(key, rest.settled(law.terms, weights))
+    laws: dict[frozenset[str], Law] = {}
+    for rest, law in found:  # the same law beside effects that it makes needless is told once
+        key = frozenset(t.id for t in law.terms)
+        if key not in laws:
+            laws[key] = rest.settled(law.terms, weights)
     rest = rests[0]
     effect = next((name for name in candidates if name not in rest.base.effect_ids), None)
     beside = rest.with_effect(effect, weights) if effect is not None else rest.settled((), weights).base

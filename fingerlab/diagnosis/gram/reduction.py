@@ -221,6 +221,11 @@ class Reduction:
         groups = [replace(g) for g in known.groups]
         return replace(known, groups=groups, constants=self.constants, held=self.held)
 
+    def shown(self, effects: Sequence[Effect], keep: Keep) -> None:
+        """Show ``keep`` every segment as it passes, with the columns of few effects, formed anew."""
+        acting = self._acting(effects)
+        self._reduced(acting, self._layouts(acting), SILENT, keep, anew=True)
+
     def by_state(self, effects: Sequence[Effect], watch: Watch = SILENT) -> Reduced:
         """Sums for few effects, and what a law of the state (``gram.state_law``) tells their signals by."""
         acting = self._acting(effects)

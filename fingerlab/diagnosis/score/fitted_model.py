@@ -65,12 +65,42 @@ def at_assumed_bounds(fitted: FittedModel) -> list[str]:
     return found
 
 
+def at_bounds(fitted: FittedModel) -> list[str]:
+    """Strengths of the last effect that stand at the edge of what is allowed, whoever says so.
+
+    A bound of zero is a matter of sign, and one near a point of a grid gives way to the next point.
+    """
+    effect, found = fitted.last_effect, []
+    for name, key in own_keys(fitted, effect).items():
+        if name not in effect.unknowns or effect.unknowns[name].limits is not None:
+            continue
+        place = fitted.model.index[key]
+        low, high = float(fitted.model.low[place]), float(fitted.model.high[place])
+        value = float(fitted.fit.values[place])
+        if low < high and any(bound != 0.0 and value / bound > AT_BOUND for bound in (low, high)):
+            found.append(name)
+    return found
+
+
 def at_found_shapes(fitted: FittedModel) -> list[Effect]:
     """The model's effects, each with the one shape that was found as its grid."""
     return [replace(c.effect, shapes=(c.effect.shapes[c.shape],)) for c in fitted.choices]
 
 
 NO_SENSITIVITY = Sensitivity(np.zeros(0), {})
+
+
+@dataclass(frozen=True)
+class FoldErrors:
+    """What a model leaves of every fold of a group.
+
+    Attributes:
+        misfits: chi-square without noise, (folds,); those of a condition sum to the condition's.
+        residuals: sums of products of the equations' residuals, (folds, 5, 5) over ``Row``, noise included.
+    """
+
+    misfits: Array
+    residuals: Array
 
 
 @dataclass(frozen=True)
@@ -85,6 +115,7 @@ class FittedModel:
         in_sample: as ``misfits``, always of the fit to all runs; empty where it was not asked for.
         residuals: mean products of the equations' residuals for each group, (5, 5) over ``Row``, noise
             included; empty where it was not asked for.
+        folds: the same fold by fold for each group, beside its misfit; empty where it was not asked for.
         widening: what it costs in twice the log density that sticking friction may hold any value at rest.
         prior_penalty: what the constants of the joints' equations cost in twice the log density.
         sensitivity: what the last effect would do; empty where it was not asked for.
@@ -99,6 +130,7 @@ class FittedModel:
     held_out: bool = False
     in_sample: Array = field(default_factory=lambda: np.zeros((0, 2)))
     residuals: Mapping[GroupKey, Array] = field(default_factory=dict)
+    folds: Mapping[GroupKey, FoldErrors] = field(default_factory=dict)
     widening: float = 0.0
     prior_penalty: float = 0.0
     sensitivity: Sensitivity = NO_SENSITIVITY

@@ -7,7 +7,7 @@ explain, and the price of having to find them. What a run has of its own is no f
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from copy import copy
 from dataclasses import replace
@@ -29,8 +29,9 @@ from fingerlab.diagnosis.fit.noise import (
 from fingerlab.diagnosis.fit.priors import starting_arms, surprise
 from fingerlab.diagnosis.fit.solver import Fitter, LeftOut
 from fingerlab.diagnosis.gram.sums import Offsets, Reduced, RunConstants
-from fingerlab.diagnosis.score.fitted_model import FittedModel, paired_misfit, sensitivity
+from fingerlab.diagnosis.score.fitted_model import FittedModel, FoldErrors, paired_misfit, sensitivity
 from fingerlab.diagnosis.settings import FULL_ITERATIONS, MOST_ROUNDS, MOST_WANDER, SETTLED
+from fingerlab.diagnosis.signals.conditions import GroupKey
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
 from fingerlab.sessions.model import Array
 
@@ -233,11 +234,12 @@ class Scorer:
         """The model with every run scored by a fit that has not seen it.
 
         The folds of one turn are left out together. A group with one run only is scored in sample. With
-        ``residuals`` the equations' own residuals are kept too.
+        ``residuals`` the equations' own residuals are kept too, and what is left fold by fold.
         """
         groups = self.reduced.groups
         scored: dict[tuple[int, int], list[tuple[float, float]]] = {}
         products = {g.key: np.zeros((5, 5)) for g in groups}
+        by_fold = {g.key: FoldErrors(np.zeros(len(g.dealt)), np.zeros((len(g.dealt), 5, 5))) for g in groups}
         fitter = self._fitter(fitted)
         for turn in sorted({fold.turn for g in groups for fold in g.dealt}):
             left = fitter.without(fitted.fit.values, turn)
@@ -248,16 +250,36 @@ class Scorer:
                     if fold.turn == turn:
                         one = self._square(fitter, left.values, told, i, k, left if k in unseen else None)
                         scored.setdefault((i, fold.condition), []).append(one)
+                        by_fold[group.key].misfits[k] = one[0]
                         if residuals:
-                            products[group.key] += self._products(fitter, left.values, i, k)
+                            found = self._products(fitter, left.values, i, k)
+                            products[group.key] += found
+                            by_fold[group.key].residuals[k] = found
         misfits = np.array([np.sum(scored[i, c], axis=0) for i, g in enumerate(groups) for c in g.conditions])
         means = {g.key: products[g.key] / max(g.samples, 1) for g in groups} if residuals else {}
         # Of two conditions each may allow what the other does, and no values both: a model leaves no less on
         # runs that were left out than where it has seen them all.
-        in_sample = self._in_sample(fitter, fitted)
+        seen = self._in_sample_folds(fitter, fitted)
+        in_sample = self._of_conditions(seen)
+        self._no_less(by_fold, seen, misfits, in_sample)
         misfits[:, 0] = np.maximum(misfits[:, 0], in_sample[:, 0])
-        found = self._scored(fitted, fitter, misfits=misfits, in_sample=in_sample, held_out=True)
-        return replace(found, residuals=means)
+        scored_model = self._scored(fitted, fitter, misfits=misfits, in_sample=in_sample, held_out=True)
+        return replace(scored_model, residuals=means, folds=by_fold if residuals else {})
+
+    def _no_less(
+        self, by_fold: Mapping[GroupKey, FoldErrors], seen: Sequence[Array], held_out: Array, in_sample: Array
+    ) -> None:
+        """Let the folds of a condition leave what they do in sample where all of them together leave more so.
+
+        Args:
+            seen: as of :meth:`_in_sample_folds`. held_out, in_sample: of the conditions, (conditions, 2).
+        """
+        conditions = [(i, c) for i, group in enumerate(self.reduced.groups) for c in group.conditions]
+        for (i, condition), out, within in zip(conditions, held_out, in_sample, strict=True):
+            if within[0] > out[0]:
+                group = self.reduced.groups[i]
+                mine = group.of_condition(condition)
+                by_fold[group.key].misfits[mine] = seen[i][mine, 0]
 
     def with_sensitivity(self, fitted: FittedModel) -> FittedModel:
         """A scored model with what only an answer needs: its misfit in sample, and its sensitivity."""
@@ -307,12 +329,23 @@ class Scorer:
 
     def _in_sample(self, fitter: Fitter, fitted: FittedModel) -> Array:
         """Chi-square without noise and independent values of each condition, (conditions, 2)."""
+        return self._of_conditions(self._in_sample_folds(fitter, fitted))
+
+    def _in_sample_folds(self, fitter: Fitter, fitted: FittedModel) -> list[Array]:
+        """The same of each fold of every group, (folds, 2) each."""
         values = fitted.fit.values
         told = fitter.coefficients(values)
+        return [
+            np.array([self._square(fitter, values, told, i, k) for k in range(len(group.dealt))])
+            for i, group in enumerate(self.reduced.groups)
+        ]
+
+    def _of_conditions(self, folds: Sequence[Array]) -> Array:
+        """What the folds of every condition have together, (conditions, 2)."""
         return np.array(
             [
-                np.sum([self._square(fitter, values, told, i, k) for k in group.of_condition(c)], axis=0)
-                for i, group in enumerate(self.reduced.groups)
+                np.sum([found[k] for k in group.of_condition(c)], axis=0)
+                for group, found in zip(self.reduced.groups, folds, strict=True)
                 for c in group.conditions
             ]
         )

@@ -22,9 +22,9 @@ from fingerlab.diagnosis.fit.data import Data, Weights, feature_weights
 from fingerlab.diagnosis.fit.solver import Fitter
 from fingerlab.diagnosis.gram.sums import taken_up
 from fingerlab.diagnosis.score.evidence import Evidence, judge
-from fingerlab.diagnosis.score.fitted_model import FittedModel, at_assumed_bounds
+from fingerlab.diagnosis.score.fitted_model import FittedModel, at_assumed_bounds, at_bounds
 from fingerlab.diagnosis.score.scorer import Scorer
-from fingerlab.diagnosis.score.selection import much_left
+from fingerlab.diagnosis.score.selection import justified, log_odds_among, much_left
 from fingerlab.diagnosis.settings import (
     FRONT,
     FULL_ITERATIONS,
@@ -33,6 +33,7 @@ from fingerlab.diagnosis.settings import (
     MOST_WIDENED,
     SAME_COST_SHARE,
     SCREEN_ITERATIONS,
+    SET_LOG_ODDS,
     WEAK_PRIOR,
 )
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
@@ -167,6 +168,27 @@ def off_its_bounds(scorer: Scorer, fitted: FittedModel, iterations: int = SCREEN
             break
         fitted = wider
     return fitted
+
+
+def held_back(scorer: Scorer, evidence: Evidence) -> list[int]:
+    """Indices of candidates at the edge of what is allowed, which could be what is missing beyond it.
+
+    With ten times the range each would be a step worth taking, and as likely as those that cannot be ruled
+    out. Who stands at an edge and explains no more beyond it is ruled out as others are.
+    """
+    found = []
+    for i, fitted in enumerate(evidence.candidates):
+        names = at_bounds(fitted)
+        if not names:
+            continue
+        *given, last = fitted.choices
+        wider = Choice(last.effect.wider(names), last.shape)
+        beyond = scorer.score_held_out(scorer.fit([*given, wider], fitted, FULL_ITERATIONS))
+        others = [c for k, c in enumerate(evidence.candidates) if k != i]
+        odds = log_odds_among(evidence.base, [*others, beyond])[-1]
+        if odds > -SET_LOG_ODDS and justified(evidence.base, beyond):
+            found.append(i)
+    return found
 
 
 def _first_try(scorer: Scorer, base: FittedModel, choice: Choice) -> FittedModel:

@@ -36,6 +36,8 @@ from fingerlab.sessions.model import Array
 
 BRIDGED = "time"
 """Under this name the samples are counted that were lost and bridged."""
+CUT_OUT = "time, not bridged"
+"""Under this one those of gaps too long for that, between which a run is analysed piece by piece."""
 
 
 def bridged(samples: Mapping[str, Array], rate: float) -> tuple[dict[str, Array], int]:
@@ -53,6 +55,14 @@ def bridged(samples: Mapping[str, Array], rate: float) -> tuple[dict[str, Array]
     place = np.concatenate(([0], np.cumsum(lost + 1)))
     every = np.arange(place[-1] + 1)
     return {name: np.interp(every, place, values) for name, values in samples.items()}, int(lost.sum())
+
+
+def lost(time: Array, rate: float) -> dict[str, int]:
+    """Samples that a stretch of time, s, (n,), lacks: those that are bridged, and those of longer gaps."""
+    missing = np.rint(np.diff(time) * rate).astype(int) - 1
+    short = missing <= max(int(LONGEST_BRIDGE_S * rate), 1)
+    counts = {BRIDGED: missing[short & (missing > 0)].sum(), CUT_OUT: missing[~short].sum()}
+    return {name: int(count) for name, count in counts.items() if count}
 
 
 def without_spikes(values: Array) -> tuple[Array, Array]:

@@ -30,12 +30,12 @@ from fingerlab.diagnosis.settings import (
 )
 from fingerlab.diagnosis.signals.conditions import BENCH_CHANNELS, CHANGE, FINGER_CHANNELS
 from fingerlab.diagnosis.signals.filters import (
-    BRIDGED,
     at_wide_rate,
     bridged,
     derivative_kernels,
     differentiate,
     is_wide_rate,
+    lost,
     without_spikes,
 )
 from fingerlab.diagnosis.signals.scales import LEAST_SECONDS, as_recorded, reduced_change, scales_of
@@ -92,15 +92,18 @@ def _told(run: Run, seconds: float) -> str:
 
 def _without_gaps(run: Run, rig: Rig, start: int, stop: int, on_bench: bool, lead: int) -> Iterator[Motion]:
     """Samples ``start:stop`` and the ``lead`` before them, in pieces between gaps of the recording."""
+    anew = start == lead
     lead -= lead % derivative_kernels(run.sample_rate_hz)[1]
     names = [*(BENCH_CHANNELS if on_bench else FINGER_CHANNELS)]
     extra = "load_torque" if on_bench else "endpoint_force" if run.phase == "contact" else ""
     names += [extra] if run.has(extra) else []
     samples = run.load(["time", *names], start - lead, stop)  # the file is opened once
-    samples, lost_samples = bridged(samples, run.sample_rate_hz)
+    # What is missing before the start was counted with the stretch before this.
+    missing = lost(samples["time"][0 if anew else max(lead - 1, 0) :], run.sample_rate_hz)
+    samples = bridged(samples, run.sample_rate_hz)[0]
     for piece, its_lead in _whole(samples["time"], run.sample_rate_hz, lead):
         mine = {name: values[piece] for name, values in samples.items()}
-        repairs = {BRIDGED: lost_samples} if lost_samples else {}
+        repairs, missing = missing, {}  # told once
         spiked: set[int] = set()
         for name in names:
             if name != "endpoint_force":
@@ -111,10 +114,9 @@ def _without_gaps(run: Run, rig: Rig, start: int, stop: int, on_bench: bool, lea
             spiked |= set(spikes.tolist())
         motion = _motion(run, rig, start - lead + piece.start, mine, on_bench, its_lead)
         at = (start - lead + piece.start + np.array(sorted(spiked), dtype=float)) / run.sample_rate_hz
-        lost_samples = 0  # told once
-        lost = float(mine["time"][0] - samples["time"][0]) - piece.start / run.sample_rate_hz
-        lost = lost if piece.start else 0.0
-        yield replace(motion, repairs=repairs, time=motion.time + lost, repaired_at=at + lost)
+        later = float(mine["time"][0] - samples["time"][0]) - piece.start / run.sample_rate_hz
+        later = later if piece.start else 0.0
+        yield replace(motion, repairs=repairs, time=motion.time + later, repaired_at=at + later)
 
 
 def _whole(time: Array, rate: float, lead: int) -> Iterator[tuple[slice, int]]:

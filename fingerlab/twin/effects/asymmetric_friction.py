@@ -1,6 +1,17 @@
 """Motor and gearbox rub more in one direction than in the other."""
 
-from fingerlab.twin.plant import DRIVE, GEAR_WIND_UP, MOTOR, Plant, PlantEffect, Values, constant
+from fingerlab.twin.plant import (
+    DRIVE,
+    GEAR_WIND_UP,
+    LEAST,
+    MOTOR,
+    Nominal,
+    Plant,
+    PlantEffect,
+    Values,
+    constant,
+    winding,
+)
 
 
 def apply(bench: Plant, v: Values) -> None:
@@ -8,6 +19,11 @@ def apply(bench: Plant, v: Values) -> None:
     law["forward"] += v["torque"] * (1.0 + v["asymmetry"])
     law["backward"] += v["torque"] * (1.0 - v["asymmetry"])
     law["travel"] = v["travel"]
+
+
+def found(v: Values, nominal: Nominal) -> dict[str, float]:
+    asymmetry = v["difference"] / max(v["coulomb"], LEAST)
+    return {"torque": v["coulomb"], "asymmetry": asymmetry, **winding(v)}
 
 
 EFFECT = PlantEffect(
@@ -19,4 +35,5 @@ EFFECT = PlantEffect(
     ),
     phases=DRIVE,
     apply=apply,
+    found=found,
 )

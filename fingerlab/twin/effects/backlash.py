@@ -4,11 +4,15 @@ Idealised: the cable's torque reaches the motor also while the gap is crossed. U
 a free pulley would rest against one flank for ever and play would never show.
 """
 
-from fingerlab.twin.plant import FINGER, Plant, PlantEffect, Values, constant
+from fingerlab.twin.plant import FINGER, Nominal, Plant, PlantEffect, Values, constant
 
 
 def apply(bench: Plant, v: Values) -> None:
     bench.plant["play"] += v["play"]
+
+
+def found(v: Values, nominal: Nominal) -> dict[str, float]:
+    return {"play": 2.0 * v["half_gap"]}
 
 
 EFFECT = PlantEffect(
@@ -20,4 +24,5 @@ EFFECT = PlantEffect(
     ),
     phases=FINGER,
     apply=apply,
+    found=found,
 )

@@ -1,6 +1,6 @@
 """A compliant cable."""
 
-from fingerlab.twin.plant import FINGER, Plant, PlantEffect, Values, constant
+from fingerlab.twin.plant import FINGER, LEAST, Nominal, Plant, PlantEffect, Values, constant
 
 
 def apply(bench: Plant, v: Values) -> None:
@@ -12,6 +12,14 @@ def apply(bench: Plant, v: Values) -> None:
     plant["cable_damping"] = max(plant["cable_damping"] * after / before, v["damping_time"] * after)
 
 
+def found(v: Values, nominal: Nominal) -> dict[str, float]:
+    compliance = max(v["cable_compliance"], LEAST)
+    # A damper beside the spring lets the stretch lag by damping over stiffness: x = c T - c t dT/dt.
+    lag = v.get("time_constant", 0.0) - v["cable_damping"] / compliance
+    more = max(compliance - nominal.cable_compliance, 0.0)
+    return {"compliance": more, "damping_time": max(lag, 0.0)}
+
+
 EFFECT = PlantEffect(
     id="cable_stretch",
     parameters=(
@@ -20,4 +28,5 @@ EFFECT = PlantEffect(
     ),
     phases=FINGER,
     apply=apply,
+    found=found,
 )

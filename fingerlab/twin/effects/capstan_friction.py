@@ -1,10 +1,18 @@
 """The cable rubs in its sheath and sticks there at reversal."""
 
-from fingerlab.twin.plant import FINGER, Plant, PlantEffect, Values, constant
+import math
+
+from fingerlab.twin.plant import FINGER, Nominal, Plant, PlantEffect, Values, constant
 
 
 def apply(bench: Plant, v: Values) -> None:
     bench.plant["wrap"] += v["wrap"]
+
+
+def found(v: Values, nominal: Nominal) -> dict[str, float]:
+    # What a wrap lets through of the tension is exp(-wrap); one wrap for both cables.
+    told = [v[cable] for cable in ("extension", "flexion") if cable in v]
+    return {"wrap": -math.log1p(-min(sum(told) / len(told), 0.9))}
 
 
 EFFECT = PlantEffect(
@@ -14,4 +22,5 @@ EFFECT = PlantEffect(
     ),
     phases=FINGER,
     apply=apply,
+    found=found,
 )

@@ -1,6 +1,6 @@
 """A soft fingertip on the load cell."""
 
-from fingerlab.twin.plant import TOUCH, Plant, PlantEffect, Values, constant
+from fingerlab.twin.plant import TOUCH, Nominal, Plant, PlantEffect, Values, constant
 
 
 def apply(bench: Plant, v: Values) -> None:
@@ -9,9 +9,14 @@ def apply(bench: Plant, v: Values) -> None:
     bench.plant["contact_stiffness"] = softer
 
 
+def found(v: Values, nominal: Nominal) -> dict[str, float]:
+    return {"compliance": max(v["tip_compliance"] - nominal.contact_compliance, 0.0)}
+
+
 EFFECT = PlantEffect(
     id="contact_compliance",
     parameters=(constant("compliance", "m/N", 1.0e-3, 2e-4, 4e-3, "assumed: silicone cap"),),
     phases=TOUCH,
     apply=apply,
+    found=found,
 )

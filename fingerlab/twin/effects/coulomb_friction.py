@@ -1,6 +1,20 @@
 """Both hinges rub: a spring-slider that truly sticks."""
 
-from fingerlab.twin.plant import FINGER, MCP, PIP, RATIO, WIND_UP, Plant, PlantEffect, Values, constant, dry
+from fingerlab.twin.plant import (
+    FINGER,
+    MCP,
+    PIP,
+    RATIO,
+    WIND_UP,
+    Nominal,
+    Plant,
+    PlantEffect,
+    Values,
+    both_joints,
+    constant,
+    dry,
+    winding,
+)
 
 
 def apply(bench: Plant, v: Values) -> None:
@@ -8,9 +22,14 @@ def apply(bench: Plant, v: Values) -> None:
     dry(bench, PIP, v["mcp"] * v["pip_ratio"], v["travel"])
 
 
+def found(v: Values, nominal: Nominal) -> dict[str, float]:
+    return both_joints(v["coulomb_mcp"], v["coulomb_pip"]) | winding(v)
+
+
 EFFECT = PlantEffect(
     id="coulomb_friction",
     parameters=(constant("mcp", "N m", 2.5e-3, 6e-4, 8e-3), RATIO, WIND_UP),
     phases=FINGER,
     apply=apply,
+    found=found,
 )

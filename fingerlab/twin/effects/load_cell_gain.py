@@ -1,10 +1,14 @@
 """The load cell reads too much."""
 
-from fingerlab.twin.plant import TOUCH, Plant, PlantEffect, Values, constant
+from fingerlab.twin.plant import TOUCH, Nominal, Plant, PlantEffect, Values, constant
 
 
 def apply(bench: Plant, v: Values) -> None:
     bench.sensors.force_gain *= 1.0 + v["relative"]
+
+
+def found(v: Values, nominal: Nominal) -> dict[str, float]:
+    return {"relative": 1.0 / (1.0 + v["gain"]) - 1.0}
 
 
 EFFECT = PlantEffect(
@@ -16,4 +20,5 @@ EFFECT = PlantEffect(
     ),
     phases=TOUCH,
     apply=apply,
+    found=found,
 )

@@ -1,11 +1,25 @@
 """Tooth friction: a share of the torque transmitted is lost in either direction."""
 
-from fingerlab.twin.plant import DRIVE, GEAR_WIND_UP, MOTOR, Plant, PlantEffect, Values, constant
+from fingerlab.twin.plant import (
+    DRIVE,
+    GEAR_WIND_UP,
+    MOTOR,
+    Nominal,
+    Plant,
+    PlantEffect,
+    Values,
+    constant,
+    winding,
+)
 
 
 def apply(bench: Plant, v: Values) -> None:
     bench.friction[MOTOR]["load_share"] += v["share"]
     bench.friction[MOTOR]["travel"] = v["travel"]
+
+
+def found(v: Values, nominal: Nominal) -> dict[str, float]:
+    return {"share": v["share"], **winding(v)}
 
 
 EFFECT = PlantEffect(
@@ -16,4 +30,5 @@ EFFECT = PlantEffect(
     ),
     phases=DRIVE,
     apply=apply,
+    found=found,
 )

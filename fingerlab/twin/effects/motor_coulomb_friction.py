@@ -1,10 +1,25 @@
 """Motor and gearbox rub."""
 
-from fingerlab.twin.plant import DRIVE, GEAR_WIND_UP, MOTOR, Plant, PlantEffect, Values, constant, dry
+from fingerlab.twin.plant import (
+    DRIVE,
+    GEAR_WIND_UP,
+    MOTOR,
+    Nominal,
+    Plant,
+    PlantEffect,
+    Values,
+    constant,
+    dry,
+    winding,
+)
 
 
 def apply(bench: Plant, v: Values) -> None:
     dry(bench, MOTOR, v["torque"], v["travel"])
+
+
+def found(v: Values, nominal: Nominal) -> dict[str, float]:
+    return {"torque": v["coulomb"], **winding(v)}
 
 
 EFFECT = PlantEffect(
@@ -15,4 +30,5 @@ EFFECT = PlantEffect(
     ),
     phases=DRIVE,
     apply=apply,
+    found=found,
 )

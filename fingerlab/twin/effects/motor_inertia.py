@@ -1,10 +1,14 @@
 """A coupling and a larger pulley on the output shaft."""
 
-from fingerlab.twin.plant import DRIVE, Plant, PlantEffect, Values, constant
+from fingerlab.twin.plant import DRIVE, Nominal, Plant, PlantEffect, Values, constant
 
 
 def apply(bench: Plant, v: Values) -> None:
     bench.plant["inertia"] += v["inertia"]
+
+
+def found(v: Values, nominal: Nominal) -> dict[str, float]:
+    return {"inertia": v["inertia"]}
 
 
 EFFECT = PlantEffect(
@@ -12,4 +16,5 @@ EFFECT = PlantEffect(
     parameters=(constant("inertia", "kg m^2", 4.0e-4, 1e-4, 2e-3, "assumed: steel disc of 40 mm"),),
     phases=DRIVE,
     apply=apply,
+    found=found,
 )

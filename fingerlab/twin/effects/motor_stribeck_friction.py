@@ -3,17 +3,26 @@
 from fingerlab.twin.plant import (
     DRIVE,
     GEAR_WIND_UP,
+    LEAST,
     MOTOR,
+    Nominal,
     Plant,
     PlantEffect,
     Values,
     breaking_away,
     constant,
+    half_speed,
+    winding,
 )
 
 
 def apply(bench: Plant, v: Values) -> None:
     breaking_away(bench, {MOTOR: 1.0}, v, v["torque"])
+
+
+def found(v: Values, nominal: Nominal) -> dict[str, float]:
+    excess = v["extra"] / max(v["coulomb"], LEAST)
+    return {"torque": v["coulomb"], "excess": excess, "speed": half_speed(v), **winding(v)}
 
 
 EFFECT = PlantEffect(
@@ -26,4 +35,5 @@ EFFECT = PlantEffect(
     ),
     phases=DRIVE,
     apply=apply,
+    found=found,
 )

@@ -1,11 +1,28 @@
 """Soft seals in both hinges: friction that builds up over degrees (spring-sliders in a row)."""
 
-from fingerlab.twin.plant import FINGER, MCP, PIP, RATIO, Plant, PlantEffect, Values, constant, spread
+from fingerlab.twin.plant import (
+    FINGER,
+    MCP,
+    PIP,
+    RATIO,
+    Nominal,
+    Plant,
+    PlantEffect,
+    Values,
+    both_joints,
+    constant,
+    spread,
+    winding,
+)
 
 
 def apply(bench: Plant, v: Values) -> None:
     spread(bench, MCP, v["mcp"], v["travel"])
     spread(bench, PIP, v["mcp"] * v["pip_ratio"], v["travel"])
+
+
+def found(v: Values, nominal: Nominal) -> dict[str, float]:
+    return both_joints(v["dahl_mcp"], v["dahl_pip"]) | winding(v)
 
 
 EFFECT = PlantEffect(
@@ -17,4 +34,5 @@ EFFECT = PlantEffect(
     ),
     phases=FINGER,
     apply=apply,
+    found=found,
 )

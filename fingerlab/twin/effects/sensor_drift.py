@@ -1,10 +1,23 @@
 """The MCP angle sensor drifts as it warms up."""
 
-from fingerlab.twin.plant import FINGER, Plant, PlantEffect, Values, constant
+import math
+
+from fingerlab.twin.plant import FINGER, Nominal, NotCarriedError, Plant, PlantEffect, Values, constant
 
 
 def apply(bench: Plant, v: Values) -> None:
     bench.sensors.drift = v["angle"] * bench.truth.sign
+
+
+RUN_S = 30.0
+"""A run of the thesis; what warms up does so over one (s)."""
+
+
+def found(v: Values, nominal: Nominal) -> dict[str, float]:
+    if abs(v["rate_pip"]) > abs(v["rate_mcp"]):
+        raise NotCarriedError("its drift is that of the MCP sensor")
+    warm = v["time_constant"]
+    return {"angle": -v["rate_mcp"] * warm * math.expm1(-RUN_S / warm), "sign": 1.0}
 
 
 EFFECT = PlantEffect(
@@ -16,4 +29,5 @@ EFFECT = PlantEffect(
     ),
     phases=FINGER,
     apply=apply,
+    found=found,
 )

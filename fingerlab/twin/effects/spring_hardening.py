@@ -1,10 +1,24 @@
 """Joint springs with a cubic term."""
 
-from fingerlab.twin.plant import FINGER, RATIO, Plant, PlantEffect, Values, constant, per_joint
+from fingerlab.twin.plant import (
+    FINGER,
+    RATIO,
+    Nominal,
+    Plant,
+    PlantEffect,
+    Values,
+    both_joints,
+    constant,
+    per_joint,
+)
 
 
 def apply(bench: Plant, v: Values) -> None:
     per_joint(bench, "cubic", v["mcp"], v["pip_ratio"])
+
+
+def found(v: Values, nominal: Nominal) -> dict[str, float]:
+    return both_joints(v["cubic_mcp"], v["cubic_pip"])
 
 
 EFFECT = PlantEffect(
@@ -12,4 +26,5 @@ EFFECT = PlantEffect(
     parameters=(constant("mcp", "N m/rad^3", 0.35, 0.08, 1.2), RATIO),
     phases=FINGER,
     apply=apply,
+    found=found,
 )

@@ -2,20 +2,32 @@
 
 from fingerlab.twin.plant import (
     FINGER,
+    LEAST,
     MCP,
     PIP,
     RATIO,
     WIND_UP,
+    Nominal,
     Plant,
     PlantEffect,
     Values,
+    both_joints,
     breaking_away,
     constant,
+    half_speed,
+    winding,
 )
 
 
 def apply(bench: Plant, v: Values) -> None:
     breaking_away(bench, {MCP: 1.0, PIP: v["pip_ratio"]}, v, v["mcp"])
+
+
+def found(v: Values, nominal: Nominal) -> dict[str, float]:
+    level = max(v["coulomb_mcp"] + v["coulomb_pip"], LEAST)
+    excess = (v["extra_mcp"] + v["extra_pip"]) / level
+    joints = both_joints(v["coulomb_mcp"], v["coulomb_pip"])
+    return {**joints, **winding(v), "excess": excess, "speed": half_speed(v)}
 
 
 EFFECT = PlantEffect(
@@ -29,4 +41,5 @@ EFFECT = PlantEffect(
     ),
     phases=FINGER,
     apply=apply,
+    found=found,
 )

@@ -22,12 +22,14 @@ from pytestqt.qtbot import QtBot
 
 from fingerlab.acquisition.control.machine import Mode
 from fingerlab.core.errors import UserError
+from fingerlab.core.text import ParameterEstimate
 from fingerlab.core.trust import OwnSource
 from fingerlab.devices.choosing import detect
 from fingerlab.devices.faults import FAULT_KINDS
 from fingerlab.devices.ni.card import NiCard
 from fingerlab.devices.protocol import VirtualClock
 from fingerlab.devices.simulated import SimulatedBench, Simulation
+from fingerlab.models.file import DIAGNOSIS_METHOD, Model, save_model
 from fingerlab.rig.file import default_rig, load_rig
 from fingerlab.sessions import open_session
 from fingerlab.ui.acquire import acquire_tab
@@ -108,11 +110,34 @@ def test_simulated_rig_with_a_hidden_effect_and_a_fault(unconnected) -> None:  #
     assert_lost(rig, "no longer answers, as if its cable had been pulled")
 
 
+def test_the_bench_of_a_saved_model_is_simulated(  # type: ignore[no-untyped-def]
+    unconnected, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The file is asked for when it is connected; one that is no model is refused in one sentence."""
+    file = tmp_path / "found.json"
+    monkeypatch.setattr(QFileDialog, "getOpenFileName", staticmethod(lambda *_: (str(file), "")))
+    file.write_text("{}", encoding="utf-8")
+    rig = unconnected(on_virtual_clock)
+    rig.choose("simulatedEffect", "model")
+    rig.click("connectSimulated")
+    rig.wait_idle()
+    assert "found.json is not a FingerLab model file" in rig.label("message")
+    friction = {"motor_coulomb_friction.coulomb": ParameterEstimate(6e-3, "N m", 5.9e-3, 6.1e-3)}
+    shapes = {"motor_coulomb_friction": {"travel_deg": 0.4, "sharpness": 1.0}}
+    file.unlink()
+    save_model(Model(DIAGNOSIS_METHOD, friction, (), ("motor_coulomb_friction",), {"shapes": shapes}), file)
+    rig.connect("connectSimulated")
+    assert rig.controller.opened.simulated
+    assert '"preset": "found.json"' in str(rig.controller.opened.attributes)
+
+
 def test_every_effect_and_every_fault_is_offered(unconnected) -> None:  # type: ignore[no-untyped-def]
     from fingerlab.twin.effects import EFFECTS
 
     page = unconnected(on_virtual_clock).tab.connect_page
-    assert {page.effect.itemData(row) for row in range(page.effect.count())} == {"", "hidden", *EFFECTS}
+    assert {page.effect.itemData(row) for row in range(page.effect.count())} == {
+        "", "hidden", "model", *EFFECTS,
+    }  # fmt: skip
     assert [page.fault.itemData(row) for row in range(page.fault.count())] == ["", *FAULT_KINDS]
     assert not page.fault_after.isEnabled()
 

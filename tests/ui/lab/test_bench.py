@@ -14,11 +14,12 @@ from fingerlab.diagnosis.answer.results import BenchFinding
 from .. import invented
 from ..hands import child, wait_for_result
 
-TEXTS = ("The zero of the PIP sensor moves: clamp it.", "Channel 'mcp_angle' has 9 single spikes.")
+SAID = (("The zero of the PIP sensor moves", "clamp it"), ("Channel 'mcp_angle' has 9 spikes", "look at it"))
+TEXTS = ("The zero of the PIP sensor moves: clamp it.", "Channel 'mcp_angle' has 9 spikes: look at it.")
 
 
 def test_findings_stand_under_the_verdict(qtbot: QtBot, make_window: Any, session_file: Path) -> None:
-    told = tuple(BenchFinding("spikes", "mcp_angle", 9.0, "samples", ("001",), text) for text in TEXTS)
+    told = tuple(BenchFinding("spikes", "mcp_angle", 9.0, "samples", ("001",), *said) for said in SAID)
     made = make_window(
         diagnose=lambda sessions, *_: replace(invented.unseen_diagnosis(str(sessions[0].path)), bench=told)
     )
