@@ -173,17 +173,22 @@ def off_its_bounds(scorer: Scorer, fitted: FittedModel, iterations: int = SCREEN
 def held_back(scorer: Scorer, evidence: Evidence) -> list[int]:
     """Indices of candidates at the edge of what is allowed, which could be what is missing beyond it.
 
-    With ten times the range each would be a step worth taking, and as likely as those that cannot be ruled
-    out. Who stands at an edge and explains no more beyond it is ruled out as others are.
+    With ten times the range, or more, each would be a step worth taking, and as likely as those that cannot
+    be ruled out. Who stands at an edge and explains no more beyond it is ruled out as others are.
     """
     found = []
     for i, fitted in enumerate(evidence.candidates):
-        names = at_bounds(fitted)
-        if not names:
+        beyond = fitted
+        for _ in range(MOST_WIDENED):  # what one strength may grow to brings the next one to its edge
+            names = at_bounds(beyond)
+            if not names:
+                break
+            *given, last = beyond.choices
+            wider = Choice(last.effect.wider(names), last.shape)
+            beyond = scorer.fit([*given, wider], beyond, FULL_ITERATIONS)
+        if beyond is fitted:
             continue
-        *given, last = fitted.choices
-        wider = Choice(last.effect.wider(names), last.shape)
-        beyond = scorer.score_held_out(scorer.fit([*given, wider], fitted, FULL_ITERATIONS))
+        beyond = scorer.score_held_out(beyond)
         others = [c for k, c in enumerate(evidence.candidates) if k != i]
         odds = log_odds_among(evidence.base, [*others, beyond])[-1]
         if odds > -SET_LOG_ODDS and justified(evidence.base, beyond):
