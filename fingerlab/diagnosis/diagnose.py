@@ -275,6 +275,7 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
         run_shares=each_share,
         run_asides=each_aside,
         repeats=all(group.repeats for group in scorer.reduced.groups),
+        floor_from=scorer.reduced.floor_from,
         calibration=calibration,
         odds=evidence.odds,
         predicted=None if following is None else following.predicted,

@@ -120,6 +120,7 @@ def floors_of_runs(coefficients: Sequence[float]) -> tuple[dict[str, EquationErr
     scorer = Scorer(reduce_sessions([replace(session, runs=tuple(runs))], []))
     found = scorer.score_held_out(scorer.fit_reweighted([]), residuals=True)
     speed = np.gradient(runs[0].channel("motor_position"), 1e-3)[2000:]
+    assert scorer.reduced.floor_from == "runs"
     return equation_errors(scorer.reduced, found), float(np.sqrt(np.mean((speed - speed.mean()) ** 2)))
 
 

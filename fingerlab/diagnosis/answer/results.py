@@ -12,6 +12,7 @@ from fingerlab.models.file import ParameterEstimate
 from fingerlab.sessions.model import Array
 
 if TYPE_CHECKING:
+    from fingerlab.diagnosis.gram.sums import FloorFrom
     from fingerlab.diagnosis.score.calibration import CalibratedAnswer, Odds, Predicted
     from fingerlab.diagnosis.score.evidence import Verdict
     from fingerlab.diagnosis.score.fitted_model import FittedModel
@@ -447,7 +448,8 @@ class Diagnosis:
 
     ``parameters`` are those of the model as given, ``final_parameters`` those of ``final_model``: all
     unknowns, an effect's own as ``effect.gain``, those of a cable routing as ``name@routing``. ``repeats``:
-    some motion came again, which tells the floor; else see ``score.floors``.
+    some motion came again, which tells the floor; else see ``score.floors``. ``floor_from``: what that rests
+    on.
     ``better``: with given effects exchanged, and likelier than ``model`` and what may be missing beside it;
     the path leads there. ``as_good``: others that these data cannot tell from the best.
     ``calibration`` says what the probabilities were learned from, ``odds`` what they were before, and
@@ -480,6 +482,7 @@ class Diagnosis:
     run_shares: tuple[RunShare, ...] = ()
     run_asides: tuple[RunAside, ...] = ()
     repeats: bool = True
+    floor_from: FloorFrom = "cycles"
     bench: tuple[BenchFinding, ...] = ()
     better: OtherModel | None = None
     as_good: tuple[OtherModel, ...] = ()
@@ -531,7 +534,7 @@ class Diagnosis:
             "next_experiment": None if self.next_experiment is None else dict(self.next_experiment),
             "seconds": self.seconds,
             "floor_from_repetition": self.repeats,
-            "floor_from": "cycles" if self.repeats else "state law",
+            "floor_from": self.floor_from,
             "score_parts": [vars(part) | {"runs": [part.run]} for part in self.run_shares],
             "left_aside": [one.to_json() for one in self.run_asides],
             "bench": [one.to_json() for one in self.bench],

@@ -17,7 +17,7 @@ from collections import Counter
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -31,6 +31,9 @@ from fingerlab.diagnosis.signals.segments import Senses
 from fingerlab.effects.base import Row
 from fingerlab.rig.file import Rig
 from fingerlab.sessions.model import Array
+
+FloorFrom = Literal["cycles", "runs", "state law"]
+"""Repeated cycles, these and repeated commands, or what a law of the measured state leaves."""
 
 SOURCES = ("mcp_angle", "pip_angle", "motor_torque", "motor_position")
 """Channels whose zero may be another one in every run; rad, rad, N m, rad."""
@@ -508,3 +511,10 @@ class Reduced:
     constants: RunConstants | None = None
     held: Mapping[str, float] = field(default_factory=dict)
     pairs: tuple[PairSums, ...] = ()
+
+    @property
+    def floor_from(self) -> FloorFrom:
+        """What the floor rests on, as ``cli.md`` has it; that of runs holds what their cycles tell, too."""
+        if not all(group.repeats for group in self.groups):
+            return "state law"
+        return "runs" if any(group.repeated_cycles for group in self.groups) else "cycles"
