@@ -250,9 +250,9 @@ def _planned(options: Mapping[str, Any]) -> tuple[str, tuple[Step, ...] | None]:
 def _trial_steps(options: Mapping[str, Any], rig: Rig) -> tuple[tuple[Step, ...], dict[str, Any]]:
     """Steps of a feed-forward, and what the session is to say of it."""
     from fingerlab.acquisition.protocols.force_trial import ForceTrial, TrialSettings
-    from fingerlab.twin.protocols import load_preset
+    from fingerlab.twin.learned import preset_of
 
-    amplitude = load_preset(options["preset"]).numbers["protocol"]["contact_amplitude_deg"]
+    amplitude = preset_of(options["preset"]).numbers["protocol"]["contact_amplitude_deg"]
     trial = ForceTrial(
         TrialSettings(
             options["feed_model"], options["wanted"], options["pairs"], options["runs"], options["variant"],

@@ -133,7 +133,7 @@ def markdown(entries: Sequence[Entry], command: str) -> str:
         "# Feed-forward on benches with one effect", "", f"Made by `{command}`.",
         "Each simulated bench has one effect of drive, cable or joints, at 0.6 to 1.6 times its default",
         "strength. A session of the protocol `rich` is diagnosed, and what the diagnosis says is saved.",
-        "`fingerlab record --feed-forward` then sends a force of 0.4 to 1.4 N at 0.5 Hz by the nominal model",
+        "`record --feed-forward` then sends a force of 0.4 to 1.4 N at 0.5 Hz by the nominal model",
         "(fitted to the same session) and by the found one, in pairs of runs in random order. Errors are rms",
         "of the load cell less the wanted force, low-passed at 8 Hz. How it is sent, what ends it and what",
         "it cannot invert stands in [A wanted force](tutorials/wanted-force.md).", "",
