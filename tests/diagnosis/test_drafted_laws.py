@@ -21,7 +21,7 @@ from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.effects import CATALOGUE, Effect, own
 from fingerlab.effects.own_checks import _probes
 from fingerlab.sessions import SessionWriter
-from fingerlab.sessions.model import Run, Session
+from fingerlab.sessions.model import Array, Session
 from tests.cli.calling import run_command
 
 from . import closed_form as made
@@ -30,21 +30,15 @@ TORQUE_PER_AMPERE = made.RIG.motor.torque_constant * made.RIG.motor.gear_ratio
 DRAG = 2.0e-3  # N m (s/rad)^2, of the motor
 
 
-def with_drag(run: Run) -> Run:
-    """The run with a motor torque by the square of speed; the command is the pulley's angle without noise."""
-    channels = run.load()
-    speed = np.gradient(channels["motor_command"], 1.0 / run.sample_rate_hz)
-    channels["motor_torque"] = channels["motor_torque"] + DRAG * speed * np.abs(speed)
-    return Run.from_arrays(
-        channels, name=run.name, phase=run.phase, cable=run.cable, sample_rate_hz=run.sample_rate_hz,
-        trajectory=run.trajectory,
-    )  # fmt: skip
+def drag(speed: Array) -> Array:
+    """A motor torque, N m, by the square of its speed, rad/s."""
+    return DRAG * speed * np.abs(speed)
 
 
 @pytest.fixture(scope="module")
 def planted() -> Session:
     plain = made.session(made.Bench(), 1, contact=0)
-    return replace(plain, runs=tuple(with_drag(run) for run in plain.runs[:5]))
+    return replace(plain, runs=tuple(made.with_motor_torque(run, drag) for run in plain.runs[:5]))
 
 
 def drafted(session: Session) -> tuple[DraftLaw, ...]:

@@ -11,8 +11,8 @@ from threadpoolctl import threadpool_limits
 from fingerlab.core.errors import UserError
 from fingerlab.core.progress import SILENT, Watch
 from fingerlab.core.text import ParameterEstimate, estimate_text
+from fingerlab.diagnosis.answer.curves import Display
 from fingerlab.diagnosis.answer.results import Fingerprint
-from fingerlab.diagnosis.draft.curves import seen_and_drafted
 from fingerlab.diagnosis.draft.search import Draft, Law, draft
 from fingerlab.diagnosis.draft.terms import PLACES, DraftTerm
 from fingerlab.diagnosis.fit.data import temperature
@@ -160,7 +160,7 @@ def draft_laws(
     models = [last] if last.effect_ids == given.effect_ids else [last, given]
     with threadpool_limits(limits=1, user_api="blas"):
         found = draft(reduction, models, candidates, watch)
-        seen = [seen_and_drafted(reduction, law) if with_curves else None for law in found.laws]
+        seen = [_seen_and_drafted(reduction, law) if with_curves else None for law in found.laws]
     each = zip(found.laws, seen, strict=True)
     return tuple(replace(_told(found, law), fingerprint=curve) for law, curve in each)
 
@@ -168,6 +168,15 @@ def draft_laws(
 NOTHING_DRAFTED = (
     "No law is drafted: the last model leaves what every bench does, or no few terms explain enough of it."
 )
+
+
+def _seen_and_drafted(reduction: Reduction, law: Law) -> Fingerprint | None:
+    """The remainder binned over what the law's first term is seen against, and the whole law's own curve."""
+    display = Display()
+    reduced = law.scorer.reduced
+    reduction.shown(reduced.layout.effects, display.keep)
+    first = law.fitted.choices[len(law.base.choices)].effect
+    return display.fingerprint_between(reduced, first, law.base, law.fitted)
 
 
 def _told(found: Draft, law: Law) -> DraftLaw:
