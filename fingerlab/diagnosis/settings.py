@@ -533,6 +533,10 @@ DRAFT_TRAVELS_DEG = (0.7, 2.0, 6.0)
 """Travels over which something may turn round after a reversal, degrees; assumed."""
 DRAFT_MEMORIES_S = (0.1, 0.4, 1.6)
 """Times over which the past may count, s; assumed."""
+DRAFT_END_DEG = 6.0
+"""The last part of a joint's travel, degrees, in which an end may be met; assumed."""
+DRAFT_DELAYS_S = (0.01, 0.04, 0.16)
+"""Times by which channels may be late, s; assumed, up to the 0.16 s of the thesis."""
 DRAFT_LATE_S = 0.012
 """Time by which a damper makes a cable's stretch late, s; assumed: the middle of the catalogue's."""
 DRAFT_ORDERS = tuple(float(n) for n in (*range(4, 41, 2), *range(44, 61, 4)))

@@ -27,6 +27,7 @@ from tests.cli.calling import run_command
 from . import closed_form as made
 
 TORQUE_PER_AMPERE = made.RIG.motor.torque_constant * made.RIG.motor.gear_ratio
+TRAVEL = {"mcp": (-0.2, 0.9), "pip": (-0.3, 1.1)}  # rad
 DRAG = 2.0e-3  # N m (s/rad)^2, of the motor
 
 
@@ -94,7 +95,7 @@ def one_term(term: DraftTerm) -> DraftLaw:
 
 
 def test_the_file_of_every_term_computes_what_was_fitted() -> None:
-    terms = list(library(True, True, True, (4.0,), 1.0))
+    terms = list(library(TRAVEL, True, True, (4.0,), 1.0))
     assert len({term.id for term in terms}) == len(terms) > 150
     probes = {on_bench: _probes(on_bench)[-2:] for on_bench in (False, True)}
     places = set[str]()

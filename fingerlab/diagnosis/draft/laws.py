@@ -14,7 +14,7 @@ from fingerlab.core.text import ParameterEstimate, estimate_text
 from fingerlab.diagnosis.answer.curves import Display
 from fingerlab.diagnosis.answer.results import Fingerprint
 from fingerlab.diagnosis.draft.search import Draft, Law, draft
-from fingerlab.diagnosis.draft.terms import PLACES, DraftTerm
+from fingerlab.diagnosis.draft.terms import PAIRED, PLACES, DraftTerm
 from fingerlab.diagnosis.fit.data import temperature
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.score.fitted_model import FittedModel
@@ -46,7 +46,7 @@ class LawTerm:
         said = [estimate_text(one) for one in self.coefficients.values()]
         each = (
             " (MCP) and ".join(said) + " (PIP)"
-            if self.place == "joints" and len(said) == 2
+            if self.place in PAIRED and len(said) == 2
             else ", ".join(said)
         )
         return f"{self.where}: {each} times {self.words}"
@@ -214,6 +214,7 @@ def _term(law: Law, term: DraftTerm) -> LawTerm:
 
 KINDS: tuple[tuple[tuple[str, ...], str, str], ...] = (
     (("motor phase",), "repeats with the motor", "teeth, poles or a gear that runs out"),
+    (("lateness",), "comes late", "channels that are sampled or filtered later than the motor's"),
     (("past",), "remembers the past", "something that creeps, warms or lags"),
     (
         ("way since reversal",),

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
 from fingerlab.diagnosis.draft.terms import TORQUE, DraftTerm, Part, Powers
 from fingerlab.diagnosis.settings import (
+    DRAFT_DELAYS_S,
+    DRAFT_END_DEG,
     DRAFT_LATE_S,
     DRAFT_MEMORIES_S,
     DRAFT_STRIBECK,
@@ -44,13 +46,18 @@ PURE: Powers = {}
 NEWTON: Powers = {"N": 1}
 
 
+Travel = tuple[float, float]
+"""Least and largest angle of a joint over the recordings, rad."""
+
+
 def library(
-    joints: bool, contact: bool, bench: bool, orders: Sequence[float], second: float
+    joints: Mapping[str, Travel] | None, contact: bool, bench: bool, orders: Sequence[float], second: float
 ) -> Iterator[DraftTerm]:
     """All terms, simpler ones first in each place.
 
     Args:
-        joints, contact, bench: whether there are runs of a finger, of one that presses, of a motor alone.
+        joints: travel of ``mcp`` and ``pip``; None: there are no runs of a finger.
+        contact, bench: whether there are runs of a finger that presses, of a motor alone.
         orders: periods a turn at which a motor's torque may repeat.
         second: seconds in a unit of time of the fit.
     """
@@ -61,7 +68,7 @@ def library(
         yield from _of_an_axis(axis, second)
         yield from _of_a_load(axis, "bench", "np.abs(load)", "load", r"|\tau_l|", TORQUE)
         yield from _ripple("bench", orders)
-    if not joints:
+    if joints is None:
         return
     motor = _Axis(
         "motor", "motion.position", "motion.velocity", "motion.acceleration", "motor", r"\theta_m", 0.3
@@ -75,22 +82,28 @@ def library(
         axis = _Axis(
             joint, angle, f"{angle}_velocity", f"{angle}_acceleration", "joint", rf"\theta_{number}", 0.17
         )
-        mine = [*_of_an_axis(axis, second), *_of_a_load(axis, joint, "tension", "tension", "T", NEWTON)]
+        mine = [
+            *_of_an_axis(axis, second),
+            *_of_an_end(axis, joints[joint]),
+            *_of_a_load(axis, joint, "tension", "tension", "T", NEWTON),
+        ]
         if contact:
             mine += _of_a_load(axis, joint, "force", "force", "F", NEWTON)
         each.append([*mine, *_beside_another(axis, f"q.{other}", rf"\theta_{3 - number}")])
-    for pair in zip(*each, strict=True):
-        yield from pair
-        yield _of_both(pair)
+    yield from _in_either("joints", *each)
     yield from _of_the_cable(second, contact)
+    sensors = (_of_a_sensor(joint, number, second) for joint, number in (("mcp", 1), ("pip", 2)))
+    yield from _in_either("sensors", *sensors)
     if contact:
-        yield from _of_the_tip()
+        yield from _of_the_tip(second)
 
 
-def _of_both(each: Sequence[DraftTerm]) -> DraftTerm:
-    """The same function of either joint in either, with coefficients of their own."""
-    parts = tuple(replace(part, place=term.place) for term in each for part in term.parts)
-    return replace(each[0], place="joints", parts=parts)
+def _in_either(together: str, mcp: Iterable[DraftTerm], pip: Iterable[DraftTerm]) -> Iterator[DraftTerm]:
+    """Functions of one joint, of the other, and of either in its own with coefficients of their own."""
+    for pair in zip(mcp, pip, strict=True):
+        yield from pair
+        parts = tuple(replace(part, place=term.place) for term in pair for part in term.parts)
+        yield replace(pair[0], place=together, parts=parts)
 
 
 def _one(
@@ -157,6 +170,35 @@ def _of_an_axis(axis: _Axis, second: float) -> Iterator[DraftTerm]:
                   f"{angle} less its past over § s", rf"{s}-\frac{{{s}}}{{1+\tau p}}",
                   RAD, (angle, "past"), "time", number=past, size=second)
     yield one("time", "motion.time", "time", "t", {"s": 1}, ("time",), "time")
+
+
+def _of_an_end(axis: _Axis, travel: Travel) -> Iterator[DraftTerm]:
+    """What acts near either end of a joint's travel only."""
+    one = partial(_one, axis.place)
+    low, high = travel
+    for name, depth, end in (
+        ("high_end", f"{axis.angle} - {high:.4g} + np.radians(§)", "largest"),
+        ("low_end", f"{low:.4g} + np.radians(§) - {axis.angle}", "least"),
+    ):
+        yield one(name, f"np.maximum({depth}, 0.0)", f"joint angle in the last § deg before its {end}",
+                  rf"\max(\delta-|{axis.symbol}-{axis.symbol}^{{e}}|,0)", RAD,
+                  ("joint angle",), "joint angle", number=DRAFT_END_DEG)
+
+
+def _of_a_sensor(joint: str, number: int, second: float) -> Iterator[DraftTerm]:
+    """By how much the reading of a joint's angle is false."""
+    one = partial(_one, f"sensor_{joint}")
+    a, s = f"q.{joint}", rf"\theta_{number}"
+    for times in (2, 4, 8):
+        waves = _waves(str(times), a, "joint angle", s)
+        yield DraftTerm(f"sensor_{joint}", f"wave_{times}", waves, ("joint angle",), "joint angle")
+    yield one("way", state_of(a), "way of the joint since reversal, over § deg", rf"z({s};\delta)",
+              PURE, ("way since reversal",), "joint speed", number=DRAFT_TRAVELS_DEG[0])
+    yield one("time", "motion.time", "time", "t", {"s": 1}, ("time",), "time")
+    for late in DRAFT_DELAYS_S:
+        yield one(f"late_{_plain(late)}", f"{a} - np.interp(motion.time + §, motion.time, {a})",
+                  "change of the angle over § s", rf"{s}(t)-{s}(t+d)",
+                  RAD, ("lateness",), "motor speed", number=late, size=second)
 
 
 def _of_a_load(
@@ -262,7 +304,7 @@ def _of_the_cable(second: float, contact: bool) -> Iterator[DraftTerm]:
         yield one("force", "force", "endpoint force", "F", NEWTON, ("force",), "force")
 
 
-def _of_the_tip() -> Iterator[DraftTerm]:
+def _of_the_tip(second: float) -> Iterator[DraftTerm]:
     """Forces at the fingertip: across the load cell, and on it beyond its reading."""
     turned = state_of("(q.mcp + q.pip)", "0.17", "0")
     for place in ("tip", "cell"):
@@ -271,6 +313,10 @@ def _of_the_tip() -> Iterator[DraftTerm]:
         if place == "cell":
             yield one("drift", "force * motion.time", "endpoint force times time", "Ft",
                       {"N": 1, "s": 1}, ("force", "time"), "time")
+            for late in DRAFT_DELAYS_S:
+                yield one(f"late_{_plain(late)}", "force - np.interp(motion.time + §, motion.time, force)",
+                          "change of the force over § s", "F(t)-F(t+d)", NEWTON, ("lateness",), "motor speed",
+                          number=late, size=second)
         yield one("force_squared", "force ** 2", "square of endpoint force", "F^2",
                   {"N": 2}, ("force",), "force")
         yield one("force_way", f"force * {turned}", "endpoint force times direction",

@@ -39,6 +39,7 @@ from fingerlab.diagnosis.settings import (
 from fingerlab.effects import effect
 from fingerlab.effects.base import Effect
 from fingerlab.physics.motion import Motion, strongest_orders
+from fingerlab.sessions.model import Array
 
 
 @dataclass(frozen=True)
@@ -236,11 +237,19 @@ class Remainder:
 
 def _offered(reduction: Reduction, motions: Sequence[Motion]) -> list[DraftTerm]:
     """The terms for the kinds of runs that there are."""
-    joints = any(m.joints is not None for m in motions)
+    turned = [m.joints for m in motions if m.joints is not None]
+    travel = {
+        "mcp": _travel([joints.mcp for joints in turned]), "pip": _travel([joints.pip for joints in turned]),
+    } if turned else None  # fmt: skip
     alone = [m for m in motions if m.joints is None]
-    orders = strongest_orders(alone) if alone and not joints else DRAFT_ORDERS
+    orders = strongest_orders(alone) if alone and not turned else DRAFT_ORDERS
     contact = any(m.force is not None for m in motions)
-    return list(library(joints, contact, bool(alone), orders, reduction.scales.of("s")))
+    return list(library(travel, contact, bool(alone), orders, reduction.scales.of("s")))
+
+
+def _travel(angles: Sequence[Array]) -> tuple[float, float]:
+    """Least and largest angle, rad."""
+    return min(float(one.min()) for one in angles), max(float(one.max()) for one in angles)
 
 
 def least_fall(fitted: FittedModel) -> float:
