@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QComboBox, QDialog, QDialogButtonBox, QLabel, QWidget
+from PySide6.QtWidgets import QComboBox, QDialog, QDialogButtonBox, QHeaderView, QLabel, QWidget
 
 from fingerlab.core.text import fixed, with_minus
 from fingerlab.diagnosis.answer.results import Diagnosis
@@ -182,3 +182,5 @@ class BudgetDialog(QDialog):
                 if item is not None:
                     item.setTextAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
                     item.setToolTip(lines[row].how if column else lines[row].help)
+        self.table.setWordWrap(True)  # what mends it is read whole
+        self.table.verticalHeader().setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)

@@ -10,7 +10,7 @@ from threadpoolctl import threadpool_limits
 
 from fingerlab.core.errors import UserError
 from fingerlab.core.progress import SILENT, Watch
-from fingerlab.core.text import ParameterEstimate, estimate_text
+from fingerlab.core.text import ParameterEstimate, estimate_text, percent, score_text
 from fingerlab.diagnosis.answer.curves import Display
 from fingerlab.diagnosis.answer.results import Fingerprint
 from fingerlab.diagnosis.draft.search import Draft, Law, draft
@@ -18,7 +18,7 @@ from fingerlab.diagnosis.draft.terms import PAIRED, PLACES, DraftTerm
 from fingerlab.diagnosis.fit.data import temperature
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.score.fitted_model import FittedModel
-from fingerlab.diagnosis.settings import Z90
+from fingerlab.diagnosis.settings import DRAFT_LEAST, DRAFT_LEAST_SHARE, Z90
 
 
 @dataclass(frozen=True)
@@ -165,9 +165,16 @@ def draft_laws(
     return tuple(replace(_told(found, law), fingerprint=curve) for law, curve in each)
 
 
-NOTHING_DRAFTED = (
-    "No law is drafted: the last model leaves what every bench does, or no few terms explain enough of it."
-)
+def nothing_drafted(last: FittedModel | None) -> str:
+    """Why no law is drafted beside the last model of a path."""
+    score = 1.0 if last is None else last.score
+    left = f"No law is drafted: the last model leaves {score_text(score)} floors"
+    if score**2 - 1.0 <= DRAFT_LEAST:
+        return f"{left}, no more than a bench does that misses nothing."
+    return (
+        f"{left}, but no term of the library explains {percent(DRAFT_LEAST_SHARE, True)} of their square "
+        "on runs left out."
+    )
 
 
 def _seen_and_drafted(reduction: Reduction, law: Law) -> Fingerprint | None:

@@ -9,7 +9,7 @@ from functools import partial
 from fingerlab.diagnosis.draft.terms import TORQUE, DraftTerm, Part, Powers
 from fingerlab.diagnosis.settings import (
     DRAFT_DELAYS_S,
-    DRAFT_END_DEG,
+    DRAFT_ENDS_DEG,
     DRAFT_LATE_S,
     DRAFT_MEMORIES_S,
     DRAFT_STRIBECK,
@@ -180,9 +180,19 @@ def _of_an_end(axis: _Axis, travel: Travel) -> Iterator[DraftTerm]:
         ("high_end", f"{axis.angle} - {high:.4g} + np.radians(§)", "largest"),
         ("low_end", f"{low:.4g} + np.radians(§) - {axis.angle}", "least"),
     ):
-        yield one(name, f"np.maximum({depth}, 0.0)", f"joint angle in the last § deg before its {end}",
-                  rf"\max(\delta-|{axis.symbol}-{axis.symbol}^{{e}}|,0)", RAD,
-                  ("joint angle",), "joint angle", number=DRAFT_END_DEG)
+        inside = f"np.maximum({depth}, 0.0)"
+        words = f"joint angle in the last § deg before its {end}"
+        latex = rf"\max(\delta-|{axis.symbol}-{axis.symbol}^{{e}}|,0)"
+        for last in DRAFT_ENDS_DEG:
+            yield one(f"{name}_{_plain(last)}", inside, words, latex,
+                      RAD, ("joint angle",), "joint angle", number=last)
+            # Two round faces that meet (Hertz 1882), in units of 1 rad.
+            yield one(f"round_{name}_{_plain(last)}", f"{inside} ** 1.5", f"{words}, to the power of 1.5",
+                      f"{latex}^{{1.5}}", RAD, ("joint angle",), "joint angle", number=last)
+        # It takes energy as it is pressed (Hunt and Crossley 1975).
+        yield one(f"damped_{name}", f"{inside} * {axis.speed}", f"{words}, times speed",
+                  rf"{latex}\,\dot{axis.symbol}", {"rad": 2, "s": -1}, ("joint angle", "joint speed"),
+                  "joint angle", number=DRAFT_ENDS_DEG[1])
 
 
 def _of_a_sensor(joint: str, number: int, second: float) -> Iterator[DraftTerm]:

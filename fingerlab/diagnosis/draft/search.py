@@ -25,6 +25,7 @@ from fingerlab.diagnosis.search.next_effect import ScoreTest, climb_grid
 from fingerlab.diagnosis.settings import (
     DRAFT_BEGINNINGS,
     DRAFT_FACTORS,
+    DRAFT_FINE_FACTORS,
     DRAFT_FRONT,
     DRAFT_LAWS,
     DRAFT_LEAST,
@@ -199,23 +200,30 @@ class Remainder:
         if not last.number:
             return law
         sharp = (0.0, 1.0) if any("¤" in part.code for part in last.parts) else (0.0,)
-        shapes = [
-            {"number": last.number * factor, "sharpness": s} for factor, s in product(DRAFT_FACTORS, sharp)
-        ]
-        tried = replace(self._effect(last), shapes=tuple(shapes))
-        scorer = self._scorer([*(self._effect(t) for t in others), tried])
-        before = law.fitted.choices[:-1]
-        fits = [
-            scorer.fit_same_law([*before, Choice(tried, i)], law.fitted, SCREEN_ITERATIONS)
-            for i in range(len(shapes))
-        ]
-        best = shapes[min(range(len(fits)), key=lambda i: fits[i].fit.cost)]
-        term = replace(last, **best)
+        term = self._best_of(law, last, DRAFT_FACTORS, sharp)
+        for factors in DRAFT_FINE_FACTORS:
+            term = self._best_of(law, term, factors, (term.sharpness,))
         if term == last:
             return law
+        before = law.fitted.choices[:-1]
         scorer = self._scorer([*(self._effect(t) for t in others), self._effect(term)])
         fitted = self._with(scorer, scorer.fit(before, law.fitted, FULL_ITERATIONS), term)
         return Terms((*others, term), fitted) if fitted.misfit < law.fitted.misfit else law
+
+    def _best_of(
+        self, law: Terms, term: DraftTerm, factors: Sequence[float], sharp: Sequence[float]
+    ) -> DraftTerm:
+        """``term`` in place of a law's last one, with its number times the factor that fits best."""
+        near = [replace(term, number=term.number * f, sharpness=s) for f, s in product(factors, sharp)]
+        shapes = tuple({"number": one.number, "sharpness": one.sharpness} for one in near)
+        tried = replace(self._effect(term), shapes=shapes)
+        scorer = self._scorer([*map(self._effect, law.terms[:-1]), tried])
+        before = law.fitted.choices[:-1]
+        fits = [
+            scorer.fit_same_law([*before, Choice(tried, i)], law.fitted, SCREEN_ITERATIONS)
+            for i in range(len(near))
+        ]
+        return near[min(range(len(fits)), key=lambda i: fits[i].fit.cost)]
 
     def _shortened(self, law: Terms) -> Terms:
         """The law without needless terms."""
