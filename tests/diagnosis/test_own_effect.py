@@ -11,7 +11,7 @@ import pytest
 
 from fingerlab.diagnosis import diagnose
 from fingerlab.diagnosis.answer.results import Diagnosis
-from fingerlab.effects import CATALOGUE, own
+from fingerlab.effects import CATALOGUE, own, whole_catalogue
 from fingerlab.sessions.model import Array, Session
 
 from . import closed_form as made
@@ -76,7 +76,12 @@ def test_its_fingerprint_is_the_planted_curve(answer: Diagnosis) -> None:
         assert 0.5 < np.ptp(curve) / np.ptp(expected) < 1.05
 
 
-def test_without_confirmation_it_is_no_candidate(planted: Session) -> None:
-    result = diagnose([planted], with_curves=False)
-    assert {c.effect for c in result.candidates} == FREE
-    assert result.candidates[0].score > 1.2
+def test_without_confirmation_it_is_no_candidate(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("FINGERLAB_SETTINGS_DIR", str(tmp_path / "settings"))
+    folder = tmp_path / "own"
+    folder.mkdir()
+    shutil.copy(EXAMPLE, folder)
+    own.set_folder(folder)
+    assert set(whole_catalogue()) == set(CATALOGUE)
+    own.trust(own.find(Path(EXAMPLE.name)), CATALOGUE)
+    assert set(whole_catalogue()) == {*CATALOGUE, "motor_root_friction"}
