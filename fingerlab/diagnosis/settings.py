@@ -537,6 +537,8 @@ DRAFT_ENDS_DEG = (2.5, 5.0, 10.0)
 """The last part of a joint's travel, degrees, in which an end may be met; assumed."""
 DRAFT_DELAYS_S = (0.01, 0.04, 0.16)
 """Times by which channels may be late, s; assumed, up to the 0.16 s of the thesis."""
+DRAFT_LOOSE_N = 0.12
+"""Tension below which a cable may hang loose, N; as for cable_slack, and looked for about it."""
 DRAFT_LATE_S = 0.012
 """Time by which a damper makes a cable's stretch late, s; assumed: the middle of the catalogue's."""
 DRAFT_ORDERS = tuple(float(n) for n in (*range(4, 41, 2), *range(44, 61, 4)))

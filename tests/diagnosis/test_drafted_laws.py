@@ -95,7 +95,7 @@ def one_term(term: DraftTerm) -> DraftLaw:
 
 
 def test_the_file_of_every_term_computes_what_was_fitted() -> None:
-    terms = list(library(TRAVEL, True, True, (4.0,), 1.0))
+    terms = list(library(TRAVEL, True, True, (4.0,), 1.0, 1.0))
     assert len({term.id for term in terms}) == len(terms) > 150
     probes = {on_bench: _probes(on_bench)[-2:] for on_bench in (False, True)}
     places = set[str]()

@@ -11,6 +11,7 @@ from fingerlab.diagnosis.settings import (
     DRAFT_DELAYS_S,
     DRAFT_ENDS_DEG,
     DRAFT_LATE_S,
+    DRAFT_LOOSE_N,
     DRAFT_MEMORIES_S,
     DRAFT_STRIBECK,
     DRAFT_TRAVELS_DEG,
@@ -51,7 +52,12 @@ Travel = tuple[float, float]
 
 
 def library(
-    joints: Mapping[str, Travel] | None, contact: bool, bench: bool, orders: Sequence[float], second: float
+    joints: Mapping[str, Travel] | None,
+    contact: bool,
+    bench: bool,
+    orders: Sequence[float],
+    second: float,
+    newton: float,
 ) -> Iterator[DraftTerm]:
     """All terms, simpler ones first in each place.
 
@@ -59,7 +65,7 @@ def library(
         joints: travel of ``mcp`` and ``pip``; None: there are no runs of a finger.
         contact, bench: whether there are runs of a finger that presses, of a motor alone.
         orders: periods a turn at which a motor's torque may repeat.
-        second: seconds in a unit of time of the fit.
+        second, newton: s in a unit of time of the fit, N in one of force.
     """
     if bench:
         axis = _Axis(
@@ -91,7 +97,7 @@ def library(
             mine += _of_a_load(axis, joint, "force", "force", "F", NEWTON)
         each.append([*mine, *_beside_another(axis, f"q.{other}", rf"\theta_{3 - number}")])
     yield from _in_either("joints", *each)
-    yield from _of_the_cable(second, contact)
+    yield from _of_the_cable(second, newton, contact)
     sensors = (_of_a_sensor(joint, number, second) for joint, number in (("mcp", 1), ("pip", 2)))
     yield from _in_either("sensors", *sensors)
     if contact:
@@ -277,13 +283,16 @@ def _beside_another(axis: _Axis, other: str, symbol: str) -> Iterator[DraftTerm]
     yield DraftTerm(axis.place, "weight", weight, ("gravity", "joint angle"), "joint angle")
 
 
-def _of_the_cable(second: float, contact: bool) -> Iterator[DraftTerm]:
+def _of_the_cable(second: float, newton: float, contact: bool) -> Iterator[DraftTerm]:
     """Lengths of cable."""
     one = partial(_one, "cable")
     lag = "first_order_lags(tension, [§], motion.sample_rate_hz)[0]"
     yield one("tension", "tension", "tension", "T", NEWTON, ("tension",), "tension")
     yield one("tension_late", lag, "tension, late by § s", r"\frac{T}{1+\tau p}",
               NEWTON, ("tension",), "tension", number=DRAFT_LATE_S, size=second)
+    yield one("loose", "way_while(motion.position, tension < §)",
+              "way of the motor while tension is below § N", r"[\theta_m-\theta_m(t_0)]_{T<T_0}",
+              RAD, ("tension", "motor angle"), "tension", number=DRAFT_LOOSE_N / newton, size=newton)
     yield one("tension_squared", "tension ** 2", "square of tension", "T^2",
               {"N": 2}, ("tension",), "tension")
     yield one("speed", "motion.velocity", "motor speed", r"\dot\theta_m",

@@ -20,6 +20,7 @@ IMPORTS = {
     "dahl_states": "from fingerlab.physics.friction_states import dahl_states",
     "first_order_lags": "from fingerlab.physics.friction_states import first_order_lags",
     "friction_state": "from fingerlab.physics.friction_states import friction_state",
+    "way_while": "from fingerlab.physics.friction_states import way_while",
     "rubbing_forces": "from fingerlab.physics.friction_states import rubbing_forces",
 }
 """What an expression of the library may need beyond numpy and the motion."""

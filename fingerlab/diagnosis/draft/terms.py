@@ -24,6 +24,7 @@ from fingerlab.physics.friction_states import (
     first_order_lags,
     friction_state,
     rubbing_forces,
+    way_while,
 )
 from fingerlab.physics.motion import Motion
 from fingerlab.physics.parameter import Parameter
@@ -183,6 +184,7 @@ def signals(motion: Motion) -> dict[str, Any]:
         "first_order_lags": first_order_lags,
         "friction_state": friction_state,
         "rubbing_forces": rubbing_forces,
+        "way_while": way_while,
     }
 
 
