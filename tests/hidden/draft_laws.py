@@ -55,7 +55,7 @@ TRUE: Mapping[str, tuple[frozenset[str], tuple[frozenset[str], ...]]] = {
         ("added_mass", JOINTS, "gravity | joint acceleration"),
         ("distal_rotation", JOINTS, "other joint | joint acceleration"),
         ("varying_moment_arm", JOINTS | CABLE, "joint angle"),
-        ("cable_slack", CABLE, "tension | way since reversal"),
+        ("cable_slack", CABLE, "tension | way since reversal | slack"),
         ("cable_stretch", CABLE, "tension"),
         ("backlash", CABLE, "way since reversal | direction"),
         ("capstan_friction", DRIVE | JOINTS, "tension & direction"),

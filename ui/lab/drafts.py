@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from fingerlab.diagnosis.score.fitted_model import FittedModel
 
 WIDTH, HEIGHT = 900, 640
+ROOM = 4
+"""Below the last law of the list, px."""
 ABOUT = (
     "Points: what the model misses, with 90 % intervals; line: what the whole law tells of it. A law is a "
     "description until it holds on runs that it was not drafted from."
@@ -49,8 +51,8 @@ class DraftDialog(QDialog):
         close.rejected.connect(self.reject)
         vbox(
             self,
-            (self.list, 1),
-            (self.plot, 3),
+            self.list,
+            (self.plot, 1),
             self.words,
             self.hint,
             hbox(None, self.own, 1, close, spacing=8),
@@ -69,6 +71,8 @@ class DraftDialog(QDialog):
             part.setVisible(bool(self._laws))
         self.words.setText("" if self._laws else nothing_drafted(last))
         self.list.setCurrentRow(0)
+        rows = sum(self.list.sizeHintForRow(row) for row in range(self.list.count()))
+        self.list.setFixedHeight(rows + 2 * self.list.frameWidth() + ROOM)
         self.resize(WIDTH, HEIGHT if self._laws else 0)  # a sentence alone needs no more than its lines
 
     @property

@@ -156,10 +156,10 @@ def _of_an_axis(axis: _Axis, second: float) -> Iterator[DraftTerm]:
                   f"{way}, while slower than § rad/s", rf"z({s})\,e^{{-(\dot{s}/{slow:g})^2}}",
                   PURE, ("direction", speed), speed, friction=True, number=slow, size=1.0 / second)
     for over in DRAFT_TRAVELS_DEG:
-        yield one(f"way_{_plain(over)}", z, f"way of the {what} since reversal, over § deg",
+        yield one(f"way_{_plain(over)}", z, f"way of the {what} since reversal, over §°",
                   rf"z({s};\delta)", PURE, ("way since reversal",), speed, friction=True, number=over)
     yield one("dahl", f"dahl_states({a}, [np.radians(§)])[0]",
-              f"friction of the {what} that builds up over § deg (Dahl)", rf"d({s};\delta)",
+              f"friction of the {what} that builds up over §° (Dahl)", rf"d({s};\delta)",
               PURE, ("way since reversal",), speed, friction=True, number=DRAFT_TRAVELS_DEG[1])
     yield one("one_way", f"np.maximum({z}, 0.0)", f"{way}, forward only", rf"\max(z({s}),0)",
               PURE, ("direction",), speed, friction=True, number=travel)
@@ -187,18 +187,18 @@ def _of_an_end(axis: _Axis, travel: Travel) -> Iterator[DraftTerm]:
         ("low_end", f"{low:.4g} + np.radians(§) - {axis.angle}", "least"),
     ):
         inside = f"np.maximum({depth}, 0.0)"
-        words = f"joint angle in the last § deg before its {end}"
+        words = f"joint angle in the last §° before its {end}"
         latex = rf"\max(\delta-|{axis.symbol}-{axis.symbol}^{{e}}|,0)"
         for last in DRAFT_ENDS_DEG:
             yield one(f"{name}_{_plain(last)}", inside, words, latex,
-                      RAD, ("joint angle",), "joint angle", number=last)
+                      RAD, ("joint angle", "end of travel"), "joint angle", number=last)
             # Two round faces that meet (Hertz 1882), in units of 1 rad.
             yield one(f"round_{name}_{_plain(last)}", f"{inside} ** 1.5", f"{words}, to the power of 1.5",
-                      f"{latex}^{{1.5}}", RAD, ("joint angle",), "joint angle", number=last)
+                      f"{latex}^{{1.5}}", RAD, ("joint angle", "end of travel"), "joint angle", number=last)
         # It takes energy as it is pressed (Hunt and Crossley 1975).
         yield one(f"damped_{name}", f"{inside} * {axis.speed}", f"{words}, times speed",
-                  rf"{latex}\,\dot{axis.symbol}", {"rad": 2, "s": -1}, ("joint angle", "joint speed"),
-                  "joint angle", number=DRAFT_ENDS_DEG[1])
+                  rf"{latex}\,\dot{axis.symbol}", {"rad": 2, "s": -1},
+                  ("joint angle", "end of travel", "joint speed"), "joint angle", number=DRAFT_ENDS_DEG[1])
 
 
 def _of_a_sensor(joint: str, number: int, second: float) -> Iterator[DraftTerm]:
@@ -208,7 +208,7 @@ def _of_a_sensor(joint: str, number: int, second: float) -> Iterator[DraftTerm]:
     for times in (2, 4, 8):
         waves = _waves(str(times), a, "joint angle", s)
         yield DraftTerm(f"sensor_{joint}", f"wave_{times}", waves, ("joint angle",), "joint angle")
-    yield one("way", state_of(a), "way of the joint since reversal, over § deg", rf"z({s};\delta)",
+    yield one("way", state_of(a), "way of the joint since reversal, over §°", rf"z({s};\delta)",
               PURE, ("way since reversal",), "joint speed", number=DRAFT_TRAVELS_DEG[0])
     yield one("time", "motion.time", "time", "t", {"s": 1}, ("time",), "time")
     for late in DRAFT_DELAYS_S:
@@ -292,14 +292,14 @@ def _of_the_cable(second: float, newton: float, contact: bool) -> Iterator[Draft
               NEWTON, ("tension",), "tension", number=DRAFT_LATE_S, size=second)
     yield one("loose", "way_while(motion.position, tension < §)",
               "way of the motor while tension is below § N", r"[\theta_m-\theta_m(t_0)]_{T<T_0}",
-              RAD, ("tension", "motor angle"), "tension", number=DRAFT_LOOSE_N / newton, size=newton)
+              RAD, ("slack", "tension"), "tension", number=DRAFT_LOOSE_N / newton, size=newton)
     yield one("tension_squared", "tension ** 2", "square of tension", "T^2",
               {"N": 2}, ("tension",), "tension")
     yield one("speed", "motion.velocity", "motor speed", r"\dot\theta_m",
               SPEED, ("motor speed",), "motor speed")
     for travel in (0.3, *DRAFT_TRAVELS_DEG):
         yield one(f"way_{_plain(travel)}", state_of("motion.position"),
-                  "way of the motor since reversal, over § deg", r"z(\theta_m;\delta)",
+                  "way of the motor since reversal, over §°", r"z(\theta_m;\delta)",
                   PURE, ("way since reversal",), "motor speed", number=travel)
     for joint, number in (("mcp", 1), ("pip", 2)):
         a, s, name = f"q.{joint}", rf"\theta_{number}", joint.upper()

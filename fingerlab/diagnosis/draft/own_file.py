@@ -93,10 +93,11 @@ def _gains(law: DraftLaw) -> Iterator[tuple[str, int, str]]:
     for number, term in enumerate(law.terms, 1):
         flags = ", varies_between_runs=True" if term.term.varies else ""
         flags += ", holds_at_rest=True" if term.term.friction else ""
+        words = dict(zip(term.term.gains, term.term.part_words, strict=True))
         for gain, estimate in term.coefficients.items():
             value = term.reduced[gain]  # ranges are those of a machine of the thesis' size
             low, high = sorted((0.0, DRAFT_OWN_RANGE * value))
-            name, said = _gain(number, term, gain), f"coefficient of the {term.words}"
+            name, said = _gain(number, term, gain), f"coefficient of the {words[gain]}"
             yield (
                 name,
                 number,

@@ -118,8 +118,13 @@ class DraftTerm:
     @property
     def words(self) -> str:
         """The same for a person, in SI."""
-        said = " and ".join(dict.fromkeys(part.words for part in self.parts))
-        return said.replace("§", f"{self.number * self.size:.2g}")
+        return " and ".join(dict.fromkeys(self.part_words))
+
+    @property
+    def part_words(self) -> tuple[str, ...]:
+        """... of each of its parts."""
+        number = f"{self.number * self.size:.2g}"
+        return tuple(part.words.replace("§", number) for part in self.parts)
 
     @property
     def gains(self) -> tuple[str, ...]:
@@ -144,10 +149,11 @@ class DraftTerm:
 VARIABLES = (
     "joint speed", "joint angle", "other joint", "joint acceleration", "motor speed", "motor angle",
     "motor acceleration", "direction", "way since reversal", "tension", "load", "force", "time", "past",
-    "motor phase", "gravity", "lateness",
+    "motor phase", "gravity", "lateness", "end of travel", "slack",
 )  # fmt: skip
 """What a law may depend on. ``other joint``: that whose torque it is not. ``past``: what was before, over a
-time. ``load``: the known load of a motor bench. ``lateness``: by how much a channel changes over a time."""
+time. ``load``: the known load of a motor bench. ``lateness``: by how much a channel changes over a time.
+``slack``: tension so low that the cable may hang loose."""
 
 
 def ratio(over: Powers, under: Powers) -> str:
