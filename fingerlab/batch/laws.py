@@ -116,6 +116,11 @@ class Course:
         return self.kind in STEPS and self.place in (1, len(self.places) - 1)
 
     @property
+    def moment(self) -> bool:
+        """Whether what may be said is that it changed at one moment."""
+        return self.told in STEPS
+
+    @property
     def certain(self) -> float:
         """Probability of the likeliest, the kinds of a step taken together."""
         return sum(self.chances[kind] for kind in likeliest(self.chances))

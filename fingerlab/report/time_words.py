@@ -5,18 +5,19 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fingerlab.batch.benches import Group, SharedEffect
-from fingerlab.batch.changes import NumberCourse
-from fingerlab.batch.laws import Range, likeliest
-from fingerlab.batch.settings import STEPS
 from fingerlab.core.plain_data import json_ready
 from fingerlab.core.text import ParameterEstimate, estimate_text, percent
 from fingerlab.report.comparison_words import column_words
 from fingerlab.report.diagnosis_words import effect_title, in_sentence, listed
+
+if TYPE_CHECKING:
+    from fingerlab.batch.benches import Group, SharedEffect, StrengthOnTwo
+    from fingerlab.batch.changes import NumberCourse
+    from fingerlab.batch.laws import Range
 
 KIND_WORDS: Mapping[str, str] = {
     "steady": "steady",
@@ -54,7 +55,7 @@ def course_sentence(one: NumberCourse) -> str:
     if one.leans_on:
         others = listed([in_sentence(effect_title(effect)) for effect in one.leans_on])
         sure = f"{sure} Fitted alone, it takes up what is of {others}."
-    if told in STEPS:
+    if one.course.moment:
         return f"{_moment(one)} {in_sentence(title)} {_step(one, told)} {sure}"
     size, ends = _size(one), _ends(one)
     if told == "odd":
@@ -138,12 +139,12 @@ def course_cells(one: NumberCourse) -> tuple[str, ...]:
     """The cells under ``COURSE_HEADINGS``."""
     course, told = one.course, one.course.told
     when = "–"
-    if told in STEPS:
+    if course.moment:
         when = f"{one.names[course.place]} ({percent(float(course.places[course.place]))})"
     elif told == "odd":
         when = one.names[int(np.argmax(course.odd))]
     if told == "open":
-        chance = f"{KIND_WORDS[likeliest(course.chances)[0]]} {percent(course.certain)}"
+        chance = f"{KIND_WORDS[course.kind]} {percent(course.certain)}"
         return column_words(one.column), KIND_WORDS[told], chance, when, "–", "–", "–"
     ends = [estimate_text(one.estimate(level)) for level in (course.first, course.last)]
     size = "–" if told == "steady" else _size(one)
@@ -206,7 +207,7 @@ def shared_sentence(one: SharedEffect, first: Group, second: Group) -> str:
     return f"{what}: {strengths}; {seen}. {sure}."
 
 
-def _strengths(told: Any) -> str:
+def _strengths(told: StrengthOnTwo) -> str:
     words = in_sentence(column_words(told.column))
     return f"{words} {estimate_text(told.first)} against {estimate_text(told.second)}"
 

@@ -196,15 +196,15 @@ wrong ([how](theory.md#what-became-of-a-bench)). The seeds are none that a numbe
 SHORT = """
 What falls short:
 
-- The drawn numbers have errors as the laws take them to be; those with far tails are the exception. Real benches
-  have errors that nobody has drawn.
+- The drawn numbers have errors as the laws take them to be; those with far tails are the exception. Real
+  benches have errors that nobody has drawn.
 - One thing changes in a sequence. Two changes of one number have no law; the likelier one is told, or none.
-- Strengths of the simulated sequences lie far above what their sessions scatter by (0.25 to 1.2 times the default
-  strength of the effect); the moment arms change by 1.5 to 7 %, near what can be told.
-- Where there are two sittings alone, what grows by days and a step in the pause are the same numbers, and so are
-  a step after the first session and one that went wrong. Then it is said that it cannot be told.
-- An effect is followed by its gains. What it has beside them (a travel, a time constant) is not, and of an effect
-  without a gain (a slack cable) only the sessions that have it are counted.
+- Strengths of the simulated sequences lie far above what their sessions scatter by (0.25 to 1.2 times the
+  default strength of the effect); the moment arms change by 1.5 to 7 %, near what can be told.
+- Where there are two sittings alone, what grows by days and a step in the pause are the same numbers, and so
+  are a step after the first session and one that went wrong. Then it is said that it cannot be told.
+- An effect is followed by its gains. What it has beside them (a travel, a time constant) is not, and of an
+  effect without a gain (a slack cable) only the sessions that have it are counted.
 """
 
 

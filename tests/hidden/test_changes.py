@@ -29,8 +29,8 @@ def test_the_figures_count_alarms_kinds_moments_and_sizes() -> None:
     ]
     shares = [share.split(" (")[0] for _, share in changes.figures(entries)]
     assert shares == [
-        "1 of 2", "-", "4 of 4", "3 of 4", "3 of 3", "3 of 4", "2 of 3", "2 of 3", "2 of 3", "2 of 3", "1 of 2",
-        "1 of 1",
+        "1 of 2", "-", "4 of 4", "3 of 4", "3 of 3", "3 of 4", "2 of 3", "2 of 3", "2 of 3", "2 of 3",
+        "1 of 2", "1 of 1",
     ]  # fmt: skip
     page = changes.markdown(entries, [], [], [], "a command")
     assert "| step | 6 to 12 | 2 | 2 of 2 (100 %) | 1 | 1 | 0 |" in page
