@@ -43,7 +43,7 @@ class NumberCourse:
 
     Attributes:
         column, unit: of the table. effect: whose strength it is; empty: none's. names: of the sessions, in
-            order of time. when: their ISO times. nominal: the value that it should have; None: not known.
+            order of time. when: their ISO times. from_nothing: whether it should be zero.
         course: what became of it. leans_on: effects of the models of its sessions, if it is the strength of
             an effect fitted alone, which then takes up what these do; it is no finding of its own.
     """
@@ -53,7 +53,7 @@ class NumberCourse:
     effect: str
     names: tuple[str, ...]
     when: tuple[str, ...]
-    nominal: float | None
+    from_nothing: bool
     course: Course
     leans_on: tuple[str, ...] = ()
 
@@ -151,10 +151,12 @@ def courses(rows: Sequence[Row], units: Mapping[str, str]) -> list[NumberCourse]
         one = course(days[known], values, errors, prior, used[known])
         if one is not None:
             names, when = (tuple(str(usable[i][key]) for i in known) for key in ("session", "created"))
-            nominal = 0.0 if prior.absent or column.startswith("param.loss") else None
+            from_nothing = prior.absent or column.startswith("param.loss")
             unit = units.get(column) or units.get(_alone(column), "1")
             leans_on = tuple(_leans_on(column, [usable[i] for i in known]))
-            told.append(NumberCourse(column, unit, effect_of(column), names, when, nominal, one, leans_on))
+            told.append(
+                NumberCourse(column, unit, effect_of(column), names, when, from_nothing, one, leans_on)
+            )
     return told
 
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -179,7 +179,10 @@ def course(
     away = float(np.max(np.abs(values - prior.nominal)))
     size = max(prior.size, away / BEYOND, 1e-300)
     may_be = possible_errors(values, np.nan_to_num(errors, nan=0.0), size)
-    parts = [_regressed(law, values, prior, size, may_be) for law in _laws(days, used, len(values), prior)]
+    laws = _laws(days, used, len(values), prior)
+    if len(values) > MANY:
+        may_be = _likely(laws, values, prior, size, may_be)
+    parts = [_regressed(law, values, prior, size, may_be) for law in laws]
     top = max(float(one.weight.max()) for one in parts)
     whole = sum(float(np.exp(one.weight - top).sum()) for one in parts)
     each = [(one, np.exp(one.weight - top) / whole) for one in parts]
@@ -199,6 +202,23 @@ def course(
     odds = changed / max(chances["steady"], 1e-300)
     learned = odds * (1.0 - prior.change) / prior.change
     return Course(chances, places, odd, first, last, by, _of_grid(may_be.scatters, spread), learned)
+
+
+MANY = 60
+"""Sessions from which on only errors that some places of a step leave likely are gone through with all."""
+
+
+def _likely(laws: Sequence[_Law], values: Array, prior: Prior, size: float, errors: Errors) -> Errors:
+    """The errors that count, looked for with every so many of a law's courses."""
+    weight = np.full(len(errors.weights), -np.inf)
+    for law in laws:
+        thin = slice(None, None, max(len(law.shapes) // MANY, 1))
+        each = None if law.weights is None else law.weights[thin]
+        few = replace(law, shapes=law.shapes[thin], places=law.places[thin], weights=each)
+        part = _regressed(few, values, prior, size, errors).weight
+        weight = np.maximum(weight, part.max(axis=(0, 2)))
+    kept = weight > weight.max() + math.log(NEGLIGIBLE)
+    return Errors(errors.variances[kept], errors.scatters[kept], errors.common[kept], errors.weights[kept])
 
 
 @dataclass(frozen=True)
@@ -319,7 +339,8 @@ def _regressed(law: _Law, values: Array, prior: Prior, size: float, errors: Erro
         return _Parts(law, weight.reshape(shape), ((p / a).reshape(shape), zero),
                       ((1.0 / a).reshape(shape), zero, zero))  # fmt: skip
     x = law.shapes
-    b, d, q = ((precise @ f.T).T[:, :, None] for f in (x, x**2, x * rest))
+    b, q = (_summed(law, of)[:, :, None] for of in (precise, precise * rest))
+    d = b if law.places else (precise @ (x**2).T).T[:, :, None]
     v = 1.0 / (np.array(SIZES) * size) ** 2
     a, p, level, d = a[None, :, None], p[None, :, None], level[None, :, None], d + v
     det = a * d - b**2
@@ -328,6 +349,17 @@ def _regressed(law: _Law, values: Array, prior: Prior, size: float, errors: Erro
     weight = np.log(law.share / len(SIZES) * each)[:, None, None] + flat[None, :, None]
     weight = weight + 0.5 * np.log(level * v / det) + 0.5 * (p * mean[0] + q * mean[1])
     return _Parts(law, weight, mean, (d / det, -b / det, a / det))
+
+
+def _summed(law: _Law, weights: Array) -> Array:
+    """Sums of weights (g, n) times each course, (m, g); of those that are 0 and 1 without a product."""
+    places = list(law.places)
+    if law.kind == "odd":
+        return np.asarray(weights.T[places])
+    if places:
+        after = np.cumsum(weights[:, ::-1], axis=1)[:, ::-1]
+        return np.asarray((after[:, :1] - after[:, places] if law.kind == "gone" else after[:, places]).T)
+    return np.asarray((weights @ law.shapes.T).T)
 
 
 def _of_places(each: Sequence[tuple[_Parts, Array]], kinds: Sequence[str], n: int) -> Array:

@@ -11,7 +11,7 @@ import numpy as np
 
 from fingerlab.core.plain_data import json_ready
 from fingerlab.core.text import ParameterEstimate, estimate_text, percent
-from fingerlab.report.comparison_words import column_words
+from fingerlab.report.comparison_words import column_words, reads_as
 from fingerlab.report.diagnosis_words import effect_title, in_sentence, listed
 
 if TYPE_CHECKING:
@@ -116,11 +116,8 @@ def _step(one: NumberCourse, told: str) -> str:
             f"went away from {before}: {in_sentence(effect_title(one.effect))} is gone, as after a repair, "
             "cleaning or lubrication."
         )
-    if one.nominal is None:
-        return f"went {ends}, as when a part is changed or a cable laid anew."
-    nearer = abs(one.course.last.value - one.nominal) < abs(one.course.first.value - one.nominal)
-    reads = "a repair, cleaning or lubrication" if nearer else "damage or with a new part"
-    return f"went {ends}, as after {reads}."
+    first, last = one.estimate(one.course.first), one.estimate(one.course.last)
+    return f"went {ends}{reads_as(first, last, one.from_nothing)}."
 
 
 def _ends(one: NumberCourse) -> str:

@@ -131,3 +131,15 @@ def test_a_mixture_of_two_normal_distributions_has_its_quantiles() -> None:
     assert found.low == pytest.approx(-1.593, abs=1e-3)  # Phi(-1.593) = 0.05 / 0.9
     assert found.value == pytest.approx(0.1397, abs=1e-3)  # Phi(0.1397) = 0.5 / 0.9
     assert found.high == pytest.approx(10.0, abs=1e-3)
+
+
+def test_many_sessions_are_weighed_as_few_are(monkeypatch: pytest.MonkeyPatch) -> None:
+    """From sixty on, errors that count nothing are left out beforehand: the answer is the same."""
+    days = np.arange(90.0)
+    values = 2.0 + 0.03 * (days >= 55) + noise(13, 90)
+    few = told(values, days)
+    monkeypatch.setattr(laws, "MANY", 1000)
+    whole = told(values, days)
+    assert few.chances == pytest.approx(whole.chances, abs=1e-4)
+    assert few.place == whole.place
+    assert few.size.value == pytest.approx(whole.size.value, rel=1e-3)

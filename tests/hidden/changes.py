@@ -203,6 +203,7 @@ What falls short:
   default strength of the effect); the moment arms change by 1.5 to 7 %, near what can be told.
 - Where there are two sittings alone, what grows by days and a step in the pause are the same numbers, and so
   are a step after the first session and one that went wrong. Then it is said that it cannot be told.
+- Two benches are compared by all of their sessions: one that changed meanwhile counts with its mean.
 - An effect is followed by its gains. What it has beside them (a travel, a time constant) is not, and of an
   effect without a gain (a slack cable) only the sessions that have it are counted.
 """
