@@ -196,6 +196,19 @@ def changes(
     return sorted(map(_named, moments.values()), key=lambda one: -one.chance)
 
 
+def beside(known: Sequence[NumberCourse], found: Sequence[Change]) -> list[NumberCourse]:
+    """Courses that are no part of a change at one moment, and lean on nothing that was found."""
+    columns = {name for change in found for name in (change.column, *change.others)}
+    effects = {change.effect for change in found if change.effect}
+    return [
+        one
+        for one in known
+        if not one.leans_on
+        and one.column not in columns
+        and not (one.effect in effects and one.course.step >= TOLD)
+    ]
+
+
 ORDER = ("new", "gone", "grown", "shrunk", "moved")
 
 

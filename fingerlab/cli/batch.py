@@ -15,7 +15,7 @@ from rich.table import Table
 from rich.text import Text
 
 from fingerlab.batch.benches import Group, SharedEffect, shared_effects, two_groups
-from fingerlab.batch.changes import Change, NumberCourse, changes, courses
+from fingerlab.batch.changes import Change, NumberCourse, beside, changes, courses
 from fingerlab.batch.run import BatchResult, locally, on_dask, run_batch
 from fingerlab.batch.settings import TOLD
 from fingerlab.batch.table import LEAST_TIMES, Contents, Options, Row, Trend, ageing_rows, recorded_at, trends
@@ -284,8 +284,7 @@ def _print_story(console: Console, story: _Story) -> None:
     """What changed at one moment, then what did otherwise, then how many numbers stayed or tell nothing."""
     for change in story.changes:
         console.print(Text(f"\n{change_sentence(change)}"))
-    with_moment = {name for change in story.changes for name in (change.column, *change.others)}
-    rest = [one for one in story.courses if one.column not in with_moment and not one.leans_on]
+    rest = beside(story.courses, story.changes)
     for one in rest:
         if one.course.chances["steady"] < TOLD:
             console.print(Text(f"\n{course_sentence(one)}"))

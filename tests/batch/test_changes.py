@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 import numpy as np
 import pytest
 
-from fingerlab.batch.changes import changes, courses, weigh_found
+from fingerlab.batch.changes import beside, changes, courses, weigh_found
 from fingerlab.batch.laws import Course, Prior, course
 from fingerlab.batch.table import Row
 from fingerlab.report.comparison_words import change_sentence
@@ -179,3 +179,22 @@ def test_an_arm_that_moved_is_a_change_of_the_bench() -> None:
     (found,) = changes(rows, UNITS)
     assert (found.kind, found.effect, found.after) == ("moved", "", "s6.h5")
     assert "moment arm MCP, extension went from 9.999" in change_sentence(found)
+
+
+def test_the_other_joint_of_an_effect_that_came_is_part_of_the_same_change() -> None:
+    rng = np.random.default_rng(19)
+    rows = [
+        row(
+            day,
+            ("coulomb_friction",) if day >= 4 else (),
+            **{
+                f"alone.coulomb_friction.coulomb_{joint}": size * (day >= 4) + 1e-5 * rng.random()
+                for joint, size in (("mcp", 2e-3), ("pip", 1.4e-3))
+            },
+        )
+        for day in range(8)
+    ]
+    found, told = changes(rows, UNITS), courses(rows, UNITS)
+    assert [change.kind for change in found] == ["new"]
+    assert [one.course.told for one in told if one.effect == "coulomb_friction"] == ["new", "new"]
+    assert beside(told, found) == []

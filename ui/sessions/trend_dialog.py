@@ -12,7 +12,7 @@ from PySide6.QtCore import QPointF, Qt, Signal
 from PySide6.QtGui import QMouseEvent
 from PySide6.QtWidgets import QDialog, QDialogButtonBox, QTabWidget, QWidget
 
-from fingerlab.batch.changes import Change, NumberCourse, changes, courses
+from fingerlab.batch.changes import Change, NumberCourse, beside, changes, courses
 from fingerlab.batch.laws import Range
 from fingerlab.batch.settings import LEAST_SESSIONS, STEPS, TOLD
 from fingerlab.batch.strengths import with_strengths
@@ -256,13 +256,9 @@ class TrendDialog(QDialog):
             return (
                 f"A change needs verdicts of {LEAST_SESSIONS} times, a trend of {LEAST_TIMES}; {how}.{then}"
             )
-        with_moment = set(self._changes)
         told = [change_sentence(one) for one in found]
-        told += [
-            course_sentence(one)
-            for column, one in self._courses.items()
-            if column not in with_moment and not one.leans_on and one.course.told not in ("steady", "open")
-        ]
+        rest = beside(list(self._courses.values()), found)
+        told += [course_sentence(one) for one in rest if one.course.told not in ("steady", "open")]
         return "\n".join(told) or "No change of any number is likelier than none. Each one's own below."
 
     def _fill(self) -> None:
