@@ -38,6 +38,7 @@ JOINTS, DRIVE, CABLE = (
     frozenset({"cable"}),
 )
 CONTACT = frozenset({"tip", "cell"})
+READING = frozenset({"sensor_mcp", "sensor_pip", "sensors"})
 TRUE: Mapping[str, tuple[frozenset[str], tuple[frozenset[str], ...]]] = {
     name: (places, tuple(frozenset(one.split(" & ")) for one in variables.split(" | ")))
     for name, places, variables in (
@@ -67,9 +68,9 @@ TRUE: Mapping[str, tuple[frozenset[str], tuple[frozenset[str], ...]]] = {
         ("motor_inertia", DRIVE, "motor acceleration"),
         ("motor_spring", DRIVE, "motor angle"),
         ("torque_ripple", DRIVE, "motor phase"),
-        ("transport_delay", CABLE | DRIVE, "motor speed | joint speed"),
-        ("angle_sensor_nonlinearity", CABLE | JOINTS, "joint angle"),
-        ("sensor_drift", CABLE | JOINTS, "time"),
+        ("transport_delay", CABLE | DRIVE | READING | CONTACT, "motor speed | joint speed | lateness"),
+        ("angle_sensor_nonlinearity", CABLE | JOINTS | READING, "joint angle"),
+        ("sensor_drift", CABLE | JOINTS | READING, "time"),
         ("load_cell_gain", CONTACT | JOINTS, "force"),
         ("contact_angle", CONTACT | JOINTS, "force"),
         ("contact_compliance", CONTACT | JOINTS | CABLE, "force"),

@@ -52,7 +52,7 @@ def _own_effects(stage: Stage) -> None:
 
 def _drafted(stage: Stage) -> None:
     dialog = DraftDialog(stage.tab("model_lab").pages)
-    dialog.show_laws([invented_law()])
+    dialog.show_laws([invented_law()], None)
     dialog.show()
 
 

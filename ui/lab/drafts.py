@@ -14,6 +14,7 @@ from .evidence import FingerprintPlot
 
 if TYPE_CHECKING:
     from fingerlab.diagnosis.draft.laws import DraftLaw
+    from fingerlab.diagnosis.score.fitted_model import FittedModel
 
 WIDTH, HEIGHT = 900, 640
 ABOUT = (
@@ -56,9 +57,9 @@ class DraftDialog(QDialog):
             spacing=8,
         )
 
-    def show_laws(self, laws: Sequence[DraftLaw]) -> None:
-        """Other laws, or none."""
-        from fingerlab.diagnosis.draft.laws import NOTHING_DRAFTED
+    def show_laws(self, laws: Sequence[DraftLaw], last: FittedModel | None) -> None:
+        """Other laws, or none; ``last``: the model that they stand beside."""
+        from fingerlab.diagnosis.draft.laws import nothing_drafted
 
         self._laws = tuple(laws)
         self.list.clear()
@@ -66,8 +67,9 @@ class DraftDialog(QDialog):
             self.list.addItem(f"{number}. {law.title} ({law.score_before:.2f} to {law.score:.2f} floors)")
         for part in (self.list, self.plot, self.hint, self.own):
             part.setVisible(bool(self._laws))
-        self.words.setText("" if self._laws else NOTHING_DRAFTED)
+        self.words.setText("" if self._laws else nothing_drafted(last))
         self.list.setCurrentRow(0)
+        self.resize(WIDTH, HEIGHT if self._laws else 0)  # a sentence alone needs no more than its lines
 
     @property
     def chosen(self) -> DraftLaw | None:

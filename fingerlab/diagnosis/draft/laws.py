@@ -10,15 +10,15 @@ from threadpoolctl import threadpool_limits
 
 from fingerlab.core.errors import UserError
 from fingerlab.core.progress import SILENT, Watch
-from fingerlab.core.text import ParameterEstimate, estimate_text
+from fingerlab.core.text import ParameterEstimate, estimate_text, percent, score_text
+from fingerlab.diagnosis.answer.curves import Display
 from fingerlab.diagnosis.answer.results import Fingerprint
-from fingerlab.diagnosis.draft.curves import seen_and_drafted
 from fingerlab.diagnosis.draft.search import Draft, Law, draft
-from fingerlab.diagnosis.draft.terms import PLACES, DraftTerm
+from fingerlab.diagnosis.draft.terms import PAIRED, PLACES, DraftTerm
 from fingerlab.diagnosis.fit.data import temperature
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.score.fitted_model import FittedModel
-from fingerlab.diagnosis.settings import Z90
+from fingerlab.diagnosis.settings import DRAFT_LEAST, DRAFT_LEAST_SHARE, Z90
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class LawTerm:
         said = [estimate_text(one) for one in self.coefficients.values()]
         each = (
             " (MCP) and ".join(said) + " (PIP)"
-            if self.place == "joints" and len(said) == 2
+            if self.place in PAIRED and len(said) == 2
             else ", ".join(said)
         )
         return f"{self.where}: {each} times {self.words}"
@@ -160,14 +160,30 @@ def draft_laws(
     models = [last] if last.effect_ids == given.effect_ids else [last, given]
     with threadpool_limits(limits=1, user_api="blas"):
         found = draft(reduction, models, candidates, watch)
-        seen = [seen_and_drafted(reduction, law) if with_curves else None for law in found.laws]
+        seen = [_seen_and_drafted(reduction, law) if with_curves else None for law in found.laws]
     each = zip(found.laws, seen, strict=True)
     return tuple(replace(_told(found, law), fingerprint=curve) for law, curve in each)
 
 
-NOTHING_DRAFTED = (
-    "No law is drafted: the last model leaves what every bench does, or no few terms explain enough of it."
-)
+def nothing_drafted(last: FittedModel | None) -> str:
+    """Why no law is drafted beside the last model of a path."""
+    score = 1.0 if last is None else last.score
+    left = f"No law is drafted: the last model leaves {score_text(score)} floors"
+    if score**2 - 1.0 <= DRAFT_LEAST:
+        return f"{left}, no more than a bench does that misses nothing."
+    return (
+        f"{left}, but no term of the library explains {percent(DRAFT_LEAST_SHARE, True)} of their square "
+        "on runs left out."
+    )
+
+
+def _seen_and_drafted(reduction: Reduction, law: Law) -> Fingerprint | None:
+    """The remainder binned over what the law's first term is seen against, and the whole law's own curve."""
+    display = Display()
+    reduced = law.scorer.reduced
+    reduction.shown(reduced.layout.effects, display.keep)
+    first = law.fitted.choices[len(law.base.choices)].effect
+    return display.fingerprint_between(reduced, first, law.base, law.fitted)
 
 
 def _told(found: Draft, law: Law) -> DraftLaw:
@@ -205,6 +221,7 @@ def _term(law: Law, term: DraftTerm) -> LawTerm:
 
 KINDS: tuple[tuple[tuple[str, ...], str, str], ...] = (
     (("motor phase",), "repeats with the motor", "teeth, poles or a gear that runs out"),
+    (("lateness",), "comes late", "channels that are sampled or filtered later than the motor's"),
     (("past",), "remembers the past", "something that creeps, warms or lags"),
     (
         ("way since reversal",),
