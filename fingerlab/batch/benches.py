@@ -16,7 +16,8 @@ from fnmatch import fnmatch
 
 import numpy as np
 
-from fingerlab.batch.laws import Range, possible_errors, quantiles
+from fingerlab.batch.laws import Range, quantiles
+from fingerlab.batch.scatter import possible_errors
 from fingerlab.batch.settings import BETWEEN, BEYOND, SIZES
 from fingerlab.batch.strengths import (
     found_effects,

@@ -16,18 +16,15 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from fingerlab.batch.scatter import Errors, possible_errors
 from fingerlab.batch.settings import (
     BARELY,
     BEYOND,
     KINDS,
-    LEAST_SCATTER,
     LEAST_SESSIONS,
     LEVEL,
     PAUSE_H,
-    SCATTER,
-    SCATTERS,
     SETTLING_SHARES,
-    SHARED,
     SIZES,
     STEPS,
     TOLD,
@@ -219,46 +216,6 @@ def _likely(laws: Sequence[_Law], values: Array, prior: Prior, size: float, erro
         weight = np.maximum(weight, part.max(axis=(0, 2)))
     kept = weight > weight.max() + math.log(NEGLIGIBLE)
     return Errors(errors.variances[kept], errors.scatters[kept], errors.common[kept], errors.weights[kept])
-
-
-@dataclass(frozen=True)
-class Errors:
-    """What the errors of the sessions may be: every scatter with every share of the intervals.
-
-    Attributes:
-        variances: of each session, (g, n). scatters: between sessions, (g,). common: variance of what all
-            sessions have in common, which moves their level, (g,). weights: logarithms of their
-            probabilities beforehand, (g,).
-    """
-
-    variances: Array
-    scatters: Array
-    common: Array
-    weights: Array
-
-
-def possible_errors(values: Array, errors: Array, size: float) -> Errors:
-    """The errors over which evidence is summed.
-
-    Args:
-        values, errors: of the sessions, (n,); 0 where an error is not known. size: a strength that would
-            matter.
-    """
-    own = float(np.median(errors[errors > 0])) if np.any(errors > 0) else 0.0
-    least = LEAST_SCATTER * (own or float(np.std(values)) or size)
-    most = max(10.0 * SCATTER * size, 3.0 * float(np.ptp(values)), 10.0 * least)
-    grid = np.geomspace(least, most, SCATTERS)
-    edges = np.concatenate(([0.0], np.sqrt(grid[1:] * grid[:-1]), [np.inf]))
-    below = 2.0 / math.pi * np.arctan(edges / (SCATTER * size))  # half-Cauchy
-    weights = np.log(np.maximum(np.diff(below), 1e-300))
-    shared = SHARED if own else {1.0: 1.0}
-    variances = np.concatenate([(f * errors) ** 2 + grid[:, None] ** 2 for f in shared])
-    return Errors(
-        variances,
-        np.tile(grid, len(shared)),
-        np.repeat([(1.0 - f**2) * own**2 for f in shared], len(grid)),
-        np.concatenate([weights + math.log(share) for share in shared.values()]),
-    )
 
 
 def _laws(days: Array, used: Array | None, n: int, prior: Prior) -> list[_Law]:
