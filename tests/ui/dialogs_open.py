@@ -380,7 +380,7 @@ DIALOGS = (
     Surface(
         "Two sessions run by run",
         (_run_by_run,),
-        ("sessions/trend_dialog.py:PairsDialog",),
+        ("sessions/pairs_dialog.py:PairsDialog",),
         "sessions",
     ),
     Surface(
