@@ -24,7 +24,7 @@ from fingerlab.cli.main import cli
 from fingerlab.core.errors import UserError
 from fingerlab.diagnosis import diagnose
 from fingerlab.effects import CATALOGUE
-from fingerlab.models.file import write_model
+from fingerlab.models.file import load_model, write_model
 from fingerlab.prediction import fit_extended, model_of_extended
 from fingerlab.prediction.trial import analyse_trial, trial_json
 from fingerlab.sessions import open_session
@@ -54,24 +54,37 @@ def tried() -> tuple[str, ...]:
     return tuple(name for name, one in CATALOGUE.items() if one.family in FAMILIES or name in BEYOND)
 
 
-def try_effect(effect: str, seed: int, pairs: int) -> dict[str, Any]:
-    """What a trial shows on a bench with the effect, or why there was none."""
+def try_effect(effect: str, seed: int, pairs: int, models: Path | None = None) -> dict[str, Any]:
+    """What a trial shows on a bench with the effect, or why there was none.
+
+    Args:
+        models: folder in which what the diagnosis found is kept, and taken from where it is there.
+    """
     about: dict[str, Any] = {"effect": effect, "seed": seed, "pairs": pairs}
     trial = Trial("twin", "rich", (effect,), seed)
     with tempfile.TemporaryDirectory() as folder:
-        path, model, taken = (Path(folder) / name for name in ("session.h5", "model.json", "trial.h5"))
+        taken = Path(folder) / "trial.h5"
+        model = (Path(folder) if models is None else models) / f"{effect}-{seed}.json"
         try:
-            simulate("--protocol", "rich", *asked(trial), "--seed", str(seed), "--out", str(path))
+            about["effects"] = found(trial, model)
+            if about["effects"]:
+                record(model, taken, pairs, *asked(trial), "--seed", str(seed))
+                about |= trial_json(analyse_trial(open_session(taken)))
+        except Exception as error:  # counted as not shown
+            about["failed"] = str(error) if isinstance(error, UserError) else repr(error)
+        return about
+
+
+def found(trial: Trial, model: Path) -> list[str]:
+    """The effects that a diagnosis of the bench finds; its model is written, unless it is there already."""
+    if not model.exists():
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "session.h5"
+            simulate("--protocol", "rich", *asked(trial), "--seed", str(trial.seed), "--out", str(path))
             sessions = [open_session(path)]
             said = diagnose(sessions, with_curves=False)
-            about |= {"verdict": said.verdict, "effects": list(said.final_model)}
-            if not said.final_model:
-                return about
             write_model(model_of_extended(fit_extended(sessions, said.final_model)), model)
-            record(model, taken, pairs, *asked(trial), "--seed", str(seed))
-            return {**about, **trial_json(analyse_trial(open_session(taken)))}
-        except Exception as error:  # counted as not shown
-            return {**about, "failed": str(error) if isinstance(error, UserError) else repr(error)}
+    return list(load_model(model).effects)
 
 
 def record(model: Path, taken: Path, pairs: int, *bench: str) -> None:

@@ -16,7 +16,7 @@ from fingerlab.core.errors import UserError
 from fingerlab.models.file import write_model
 from fingerlab.prediction import fit_extended, model_of_extended
 from fingerlab.prediction.trial import Trial, analyse_trial
-from fingerlab.report.trial_words import rest_sentence, trial_sentence
+from fingerlab.report.trial import rest_sentence, trial_sentence
 from fingerlab.rig.file import Motor, Rig
 from fingerlab.sessions import open_session
 from fingerlab.sessions.model import Run, Session

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -38,7 +39,7 @@ from fingerlab.prediction.feed_forward import (
     learned_plan,
     refuse_far,
 )
-from fingerlab.prediction.inverse import LEAD_S, TorquePlan
+from fingerlab.prediction.inverse import LEAD_S, TorquePlan, needed_torque
 from fingerlab.prediction.target import ContactPose, WantedForce, pose_of_run, wanted_force
 from fingerlab.prediction.trial import FORCE_MODEL, FORCE_TRIAL, POSE, PRACTICE, WANTED_FORCE, force_error
 from fingerlab.rig.file import Rig
@@ -72,6 +73,7 @@ class TrialSettings:
         pairs: runs of each model; 0: ``runs`` runs of ``variant`` alone.
         seed: of the order. force: N, at which the contact is found. amplitude_deg: of the motion about it.
         rest_s: between runs. correction_share: as ``CORRECTION_SHARE``.
+        asks: whether the operator is asked before the first torque is sent.
     """
 
     model_file: Path
@@ -84,11 +86,15 @@ class TrialSettings:
     amplitude_deg: float = 2.0
     rest_s: float = 2.0
     correction_share: float = CORRECTION_SHARE
+    asks: bool = False
 
 
 @dataclass
 class ForceTrial:
     """The steps of a trial and what is learned on the way.
+
+    Attributes:
+        show: given each model's first torque (by name) before the operator is asked.
 
     Raises:
         UserError: no such model, a model without effects where two are to be told apart, or a wanted force
@@ -97,6 +103,7 @@ class ForceTrial:
 
     settings: TrialSettings
     rig: Rig
+    show: Callable[[Mapping[str, TorquePlan]], None] | None = None
     model: ExtendedModel = field(init=False)
     wanted: WantedForce = field(init=False)
     _pose: ContactPose | None = None
@@ -164,7 +171,8 @@ class ForceTrial:
         }
         steps: list[Step] = [Change(set_up, prompt_of(set_up)), Find(told.force)]
         steps.append(Record(1, count, "contact", "flexion", motion, 0.0, {FORCE_MODEL: POSE}))
-        steps.append(WorkOut("working out the first torque", self._take_pose))
+        ask = self._ask_first if told.asks else None
+        steps.append(WorkOut("working out the first torque", self._take_pose, ask))
         steps.append(self._record(2, count, PRACTICE, self._first))
         steps.append(WorkOut("learning from the first run", self._learn_first))
         for place, name in enumerate(practice, start=3):
@@ -192,6 +200,24 @@ class ForceTrial:
         self._look_how_far(run)
         self._plans[PRACTICE] = self._kept(
             first_plan(self.wanted, self.model, self._pose, self.rig, self._where)
+        )
+
+    def _ask_first(self) -> str:
+        """Before the first torque: what each model needs for the pose, and what the rig allows."""
+        assert self._pose is not None
+        plans = {NOMINAL: self._plans[PRACTICE]}
+        with suppress(UserError):  # a pose that is a line of the force need not have one; learned torques do
+            plans[FOUND] = needed_torque(self.wanted, self.model.extended, self._pose, self.rig, self._where)
+        if self.show is not None:
+            self.show(plans)
+        told = [
+            f"{name} {1e3 * plan.torque.min():.0f} to {1e3 * plan.torque.max():.0f} mN m"
+            for name, plan in plans.items()
+        ]
+        most = 1e3 * plans[NOMINAL].torque_limit
+        return (
+            f"Look at the torque to come: {', '.join(told)}; the rig allows {most:.0f} mN m. Done sends it; "
+            "later runs are learned from those before, within the same limits."
         )
 
     def _learn_first(self, run: Run) -> None:
