@@ -41,6 +41,10 @@ CORRECTION_SHARE = 0.5
 """Share of the rig's limit of torque by which found and nominal torque may differ (assumed: at usual forces
 it allows three times the nominal torque and more, and yet a wrong model cannot take the motor from rest to
 its limit by itself)."""
+STEADY_S = 0.2
+"""Before the wanted force begins the torque stands still for longer than this (assumed)."""
+LEAST_SHARE = 0.1
+"""Of the force at which the wanted one begins: with less pressed there, how the tip was set down is unknown."""
 SIGMAS_90 = 1.645
 """Half the 90 % interval of a normal distribution, in standard deviations."""
 
@@ -75,19 +79,26 @@ class Along:
         self._time = motion.time * scales.time - learned_in(run)
         self._values = variant.reduced({k: v for k, v in variant.values.items() if k != "delay"}, rig)
         self._effects = [c.alone(scales) for c in variant.effects if c.effect.special != "delay"]
-        # Until it begins, the wanted force counts as held where it begins: how the tip rubbed is unknown.
-        force = np.interp(self._time, wanted.time, wanted.force)
-        self._force = np.maximum(force, 0.0) / scales.of("N")
-        self._motion = self._on_its_zero(motion)
+        self._force = np.maximum(self._pressed_as(run), 0.0) / scales.of("N")
+        force = np.interp(self._time, wanted.time, wanted.force)  # held where it begins and ends
+        self._aimed = np.maximum(force, 0.0) / scales.of("N")
+        # In the runs of the fit the fingertip goes up and down from the first sample that counts. Where it only
+        # came to press, the share of rubbing that is left to a lean would be another one.
+        begins = int(np.searchsorted(self._time, 0.0))
+        self._motion = replace(self._on_its_zero(motion), leans_from=begins, _memory={})
 
-    def torque(self) -> tuple[Array, Array]:
+    def torque(self, trim: float = 0.0) -> tuple[Array, Array]:
         """Torque that presses with the wanted force, and its half width, N m, (n,) each over ``wanted.time``.
+
+        Args:
+            trim: N, by which this variant foretells more than was measured, throughout.
 
         Raises:
             UserError: there is none.
         """
         scales, newton = self._variant.scales, self._variant.scales.of("N")
-        found, slope = solved_torque(self._predicted, self._force, self._where, newton, MISSED_N)
+        aimed = self._aimed + trim / newton
+        found, slope = solved_torque(self._predicted, aimed, self._where, newton, MISSED_N)
         torque = smooth(scales.torque * found)
         # The load cell is read ``delay`` after the motor: the torque leads by as much.
         torque = np.interp(self._wanted.time + self._delay, self._time, torque)
@@ -104,6 +115,24 @@ class Along:
         force = scales.of("N") * self._predicted(late / scales.torque)
         return np.asarray(np.interp(self._wanted.time, self._time, smooth(force)))
 
+    def _pressed_as(self, run: Run) -> Array:
+        """The force by which the tip rubs, N, (n,): as wanted, and before that as the run came to press.
+
+        How a tip sticks hangs on how it was set down. Before the wanted force begins that was measured; it is
+        scaled to end where the wanted force begins.
+        """
+        wanted = self._wanted
+        force = np.interp(self._time, wanted.time, wanted.force)
+        read = run.load(["time", "endpoint_force"])
+        if not np.isfinite(read["endpoint_force"]).all():
+            return np.asarray(force)
+        pressed = thinned(read["time"] - learned_in(run), read["endpoint_force"], self._time, run.sample_rate_hz)
+        before = self._time < 0.0
+        end = float(np.mean(pressed[before & (self._time > -STEADY_S)]))
+        if end < LEAST_SHARE * wanted.force[0]:
+            return np.asarray(force)
+        return np.where(before, pressed * wanted.force[0] / end, force)
+
     def _on_its_zero(self, motion: Motion) -> Motion:
         """With the motor's angle counted as in the runs of the fit: a ripple's phase is told by it.
 
@@ -119,6 +148,17 @@ class Along:
         weight = self._variant.pip_weight
         mixed = weight * forces["pip"] + (1.0 - weight) * forces["mcp"]
         return np.where(np.isfinite(mixed), mixed, forces["pip"])
+
+
+def thinned(time: Array, values: Array, grid: Array, rate_hz: float) -> Array:
+    """Values at the times of a grid of the wide rate, low-passed at ``CUTOFF_HZ`` without delay, (n,).
+
+    Low-passed at the recording's rate before they are thinned: a load cell's noise is white up to there.
+    """
+    every = max(1, round(rate_hz / WIDE_RATE_HZ))
+    box = np.ones(every) / every
+    mean = np.convolve(np.pad(values, (every // 2, every - 1 - every // 2), mode="edge"), box, mode="valid")
+    return smooth(np.interp(grid, time, mean))
 
 
 def smooth(values: Array) -> Array:
@@ -153,28 +193,66 @@ def first_plan(
 
 
 def learned_plan(
-    variant: Variant, wanted: WantedForce, run: Run, pose: ContactPose, rig: Rig, where: str
+    variant: Variant,
+    wanted: WantedForce,
+    run: Run,
+    pose: ContactPose,
+    rig: Rig,
+    where: str,
+    trim: float = 0.0,
 ) -> TorquePlan:
     """The torque of a variant along the motion of ``run``, and whether the rig can give it.
 
     Args:
         pose: of the contact, by which motor position and sentences are told.
+        trim: N, as of :func:`trim_of`.
 
     Raises:
         UserError: no torque presses with the wanted force.
     """
-    torque, half_width = Along(variant, wanted, run, rig, where).torque()
+    torque, half_width = Along(variant, wanted, run, rig, where).torque(trim)
     motion = pose.motion(rig, wanted.time, wanted.force, torque)
     return judged_plan(wanted, pose, rig, torque, half_width, motion, variant.band)
 
 
-def judged_feed(
-    name: str, model: ExtendedModel, plan: TorquePlan, nominal: TorquePlan, run: Run, rig: Rig, where: str
-) -> Feed:
-    """A plan with what the found model foretells of it along the motion of ``run``."""
-    told = Along(model.extended, plan.wanted, run, rig, where).force(plan.torque)
+def trim_of(
+    variant: Variant, plan: TorquePlan, run: Run, rig: Rig, where: str, most: float = math.inf
+) -> float:
+    """By how much a variant foretells more force of a practice than it measured, on average, N.
+
+    Args:
+        plan: that was sent in ``run``. most: bound, N, either way.
+    """
+    told = Along(variant, plan.wanted, run, rig, where).force(plan.torque)
+    read = run.load(["time", "endpoint_force"])
+    time = read["time"] - learned_in(run)
+    measured = thinned(time, read["endpoint_force"], plan.wanted.time, run.sample_rate_hz)
+    return float(np.clip(np.mean(told - measured), -most, most))
+
+
+def own_error(model: ExtendedModel) -> float:
+    """Error of the found model on held-out runs, one standard deviation, N; NaN where it is unknown."""
     band = model.extended.band
-    own = math.nan if band is None else float(np.mean(band.widths)) / SIGMAS_90
+    return math.nan if band is None else float(np.mean(band.widths)) / SIGMAS_90
+
+
+def judged_feed(
+    name: str,
+    model: ExtendedModel,
+    plan: TorquePlan,
+    nominal: TorquePlan,
+    run: Run,
+    rig: Rig,
+    where: str,
+    trim: float = 0.0,
+) -> Feed:
+    """A plan with what the found model foretells of it along the motion of ``run``.
+
+    Args:
+        trim: N, of the found model.
+    """
+    told = Along(model.extended, plan.wanted, run, rig, where).force(plan.torque) - trim
+    own = own_error(model)
     missed = told - plan.force if name == NOMINAL else np.zeros_like(told)
     rms = math.hypot(float(np.sqrt(np.mean(missed**2))), own)
     return Feed(name, plan, rms, float(np.abs(plan.torque - nominal.torque).max()))

@@ -17,7 +17,7 @@ import numpy as np
 from fingerlab.core.errors import UserError
 from fingerlab.diagnosis.settings import WIDE_RATE_HZ
 from fingerlab.prediction.extended import LEVEL
-from fingerlab.prediction.feed_forward import FOUND, NOMINAL, smooth
+from fingerlab.prediction.feed_forward import FOUND, NOMINAL, smooth, thinned
 from fingerlab.prediction.target import WantedForce
 from fingerlab.sessions.model import Array, Run, Session
 
@@ -69,12 +69,9 @@ def force_error(run: Run, wanted: WantedForce, lead_s: float | None = None) -> F
     time, force = read["time"] - lead, read["endpoint_force"]
     if not np.isfinite(force).all():
         raise UserError(f"Run {run.name} has no load cell's reading throughout; a force error needs it.")
-    # Low-passed at the recording's rate before it is thinned: the cell's noise is white up to there.
     grid = np.arange(time[0], time[-1], 1.0 / WIDE_RATE_HZ)
-    every = max(1, round(run.sample_rate_hz / WIDE_RATE_HZ))
-    box = np.ones(every) / every
-    mean = np.convolve(np.pad(force, (every // 2, every - 1 - every // 2), mode="edge"), box, mode="valid")
-    smoothed, asked = smooth(np.interp(grid, time, mean)), smooth(np.interp(grid, wanted.time, wanted.force))
+    smoothed = thinned(time, force, grid, run.sample_rate_hz)
+    asked = smooth(np.interp(grid, wanted.time, wanted.force))
     kept = (grid >= EDGE_S) & (grid <= wanted.time[-1] - EDGE_S)
     return ForceError(grid[kept], asked[kept], smoothed[kept])
 

@@ -10,16 +10,22 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import tempfile
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import click
 import numpy as np
 from click.testing import CliRunner
 from threadpoolctl import threadpool_limits
 
+from fingerlab.acquisition.bench import process_bench
+from fingerlab.acquisition.bench.process_bench import InlineBench
+from fingerlab.acquisition.bench.steering import LoopSettings
 from fingerlab.cli.main import cli
 from fingerlab.core.errors import UserError
 from fingerlab.diagnosis import diagnose
@@ -28,7 +34,8 @@ from fingerlab.models.file import load_model, write_model
 from fingerlab.prediction import fit_extended, model_of_extended
 from fingerlab.prediction.trial import analyse_trial, trial_json
 from fingerlab.sessions import open_session
-from tests.hidden.sweep.running import asked, simulate
+from tests.hidden.sweep.running import asked
+from tests.hidden.sweep.running import record as record_session
 from tests.hidden.sweep.trials import Trial
 
 PAGE = Path("docs/feed-forward.md")
@@ -54,21 +61,24 @@ def tried() -> tuple[str, ...]:
     return tuple(name for name, one in CATALOGUE.items() if one.family in FAMILIES or name in BEYOND)
 
 
-def try_effect(effect: str, seed: int, pairs: int, models: Path | None = None) -> dict[str, Any]:
+def try_bench(
+    source: str, effect: str, seed: int, pairs: int, models: Path | None = None
+) -> dict[str, Any]:
     """What a trial shows on a bench with the effect, or why there was none.
 
     Args:
+        source: ``twin`` or ``engine``.
         models: folder in which what the diagnosis found is kept, and taken from where it is there.
     """
-    about: dict[str, Any] = {"effect": effect, "seed": seed, "pairs": pairs}
-    trial = Trial("twin", "rich", (effect,), seed)
+    about: dict[str, Any] = {"source": source, "effect": effect, "seed": seed, "pairs": pairs}
+    trial = Trial(source, "rich", (effect,), seed)
     with tempfile.TemporaryDirectory() as folder:
+        model = (Path(folder) if models is None else models) / f"{source}-{effect}-{seed}.json"
         taken = Path(folder) / "trial.h5"
-        model = (Path(folder) if models is None else models) / f"{effect}-{seed}.json"
         try:
             about["effects"] = found(trial, model)
             if about["effects"]:
-                record(model, taken, pairs, *asked(trial), "--seed", str(seed))
+                (record if source == "twin" else record_engine)(trial, model, taken, pairs)
                 about |= trial_json(analyse_trial(open_session(taken)))
         except Exception as error:  # counted as not shown
             about["failed"] = str(error) if isinstance(error, UserError) else repr(error)
@@ -80,21 +90,48 @@ def found(trial: Trial, model: Path) -> list[str]:
     if not model.exists():
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "session.h5"
-            simulate("--protocol", "rich", *asked(trial), "--seed", str(trial.seed), "--out", str(path))
+            record_session(trial, path)
             sessions = [open_session(path)]
             said = diagnose(sessions, with_curves=False)
             write_model(model_of_extended(fit_extended(sessions, said.final_model)), model)
     return list(load_model(model).effects)
 
 
-def record(model: Path, taken: Path, pairs: int, *bench: str) -> None:
-    """``fingerlab record --feed-forward`` as a user would call it."""
+def record(trial: Trial, model: Path, taken: Path, pairs: int) -> None:
+    """``fingerlab record --feed-forward`` on the simulated rig, as a user would call it."""
+    _feed_forward(model, taken, pairs, "simulated", *asked(trial), "--seed", str(trial.seed))
+
+
+def record_engine(trial: Trial, model: Path, taken: Path, pairs: int) -> None:
+    """The same on the second engine as a device of one's own.
+
+    Nobody waits for the clock, and the bench counts as checked: one that is not has a tenth of its current.
+    """
+    from tests.hidden.engine import own_device
+
+    def inline(choice: Any, settings: LoopSettings, rescue: Path, _rate_hz: float) -> InlineBench:
+        return InlineBench(choice.build(), replace(settings, current_share=1.0), rescue)
+
+    rig = taken.with_name("rig.toml")
+    rig.write_text(own_device.rig_text(), encoding="utf-8")
+    told = json.dumps({"effects": dict.fromkeys(trial.effects), "seed": trial.seed})
+    with (
+        patch.dict(os.environ, {own_device.VARIABLE: told}),
+        patch.object(process_bench, "ProcessBench", inline),
+    ):
+        _feed_forward(model, taken, pairs, f"own:{own_device.__file__}", "--rig", str(rig), typed="\n")
+
+
+def _feed_forward(
+    model: Path, taken: Path, pairs: int, device: str, *bench: str, typed: str | None = None
+) -> None:
     done = CliRunner().invoke(
         cli,
         [
-            "record", "--device", "simulated", "--feed-forward", str(model), "--wanted", json.dumps(WANTED),
+            "record", "--device", device, "--feed-forward", str(model), "--wanted", json.dumps(WANTED),
             "--ab", str(pairs), *bench, "--out", str(taken),
         ],
+        input=typed,
     )  # fmt: skip
     if done.exit_code != 0:
         raise UserError(str(done.exception or done.output.strip().splitlines()[-1]))
@@ -193,7 +230,7 @@ def main(
         for key in wanted:
             if key in known:
                 continue
-            known[key] = try_effect(*key)
+            known[key] = try_bench("twin", *key)
             file.write(json.dumps(known[key]) + "\n")
             file.flush()
             click.echo(f"{key[0]} {key[1]}: {known[key].get('failed') or ratio(known[key])}", err=True)
