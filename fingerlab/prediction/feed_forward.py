@@ -22,6 +22,7 @@ from fingerlab.diagnosis.signals.filters import low_pass_kernel
 from fingerlab.diagnosis.signals.scales import reduced_rig, reduced_run
 from fingerlab.diagnosis.signals.segments import segments_of
 from fingerlab.physics.motion import Motion
+from fingerlab.physics.nominal import JointMotion
 from fingerlab.prediction.extended import ExtendedModel, Variant, force_rate
 from fingerlab.prediction.force import forces_of_motion, wound_beyond
 from fingerlab.prediction.inverse import LEAD_S, TorquePlan, judged_plan, needed_torque, solved_torque
@@ -34,6 +35,9 @@ NOMINAL, FOUND = "nominal", "found"
 CUTOFF_HZ, TAPS = 8.0, 75
 """Low-pass of a learned torque, at the wide rate; the cutoff is the one of the equations that it comes from,
 and what the angle sensors' noise makes of the springs' torque stays out of the motor."""
+SLOWEST_HZ, HARMONICS, MOST_OF_IT = 3.0, 5.0, 0.99
+"""A measured motion is followed up to so many times the frequency below which that share of the power of the
+wanted force lies, and up to ``SLOWEST_HZ`` in any case (assumed: harmonics are in it, swings are not)."""
 MISSED_N = 0.02
 """A learned torque may miss the wanted force by so much at a sample: a motion that was measured under another
 torque need not have a solution everywhere (assumed: the load cell's noise)."""
@@ -44,7 +48,10 @@ its limit by itself)."""
 STEADY_S = 0.2
 """Before the wanted force begins the torque stands still for longer than this (assumed)."""
 LEAST_SHARE = 0.1
-"""Of the force at which the wanted one begins: with less pressed there, how the tip was set down is unknown."""
+"""Of the force at which the wanted one begins: with less, how the tip was set down is unknown (assumed)."""
+LEAST_GAIN = 0.1
+"""Share by which a practice has to miss less with the found torque, for any of it to be sent (assumed: two
+runs of one bench differ by less)."""
 SIGMAS_90 = 1.645
 """Half the 90 % interval of a normal distribution, in standard deviations."""
 
@@ -75,15 +82,15 @@ class Along:
             )
         # Force and angles are read later than the motor: on their time the motor's channels come late.
         self._delay = variant.values.get("delay", 0.0)
-        motion = motions[0].with_motor_late(self._delay / scales.time)
+        motion = calmed(motions[0].with_motor_late(self._delay / scales.time), motion_cutoff(wanted))
         self._time = motion.time * scales.time - learned_in(run)
         self._values = variant.reduced({k: v for k, v in variant.values.items() if k != "delay"}, rig)
         self._effects = [c.alone(scales) for c in variant.effects if c.effect.special != "delay"]
         self._force = np.maximum(self._pressed_as(run), 0.0) / scales.of("N")
         force = np.interp(self._time, wanted.time, wanted.force)  # held where it begins and ends
         self._aimed = np.maximum(force, 0.0) / scales.of("N")
-        # In the runs of the fit the fingertip goes up and down from the first sample that counts. Where it only
-        # came to press, the share of rubbing that is left to a lean would be another one.
+        # In the runs of the fit the fingertip goes up and down nearly all the time. While it only comes to
+        # press, the share of rubbing that is left to a lean would be another one.
         begins = int(np.searchsorted(self._time, 0.0))
         self._motion = replace(self._on_its_zero(motion), leans_from=begins, _memory={})
 
@@ -126,8 +133,8 @@ class Along:
         read = run.load(["time", "endpoint_force"])
         if not np.isfinite(read["endpoint_force"]).all():
             return np.asarray(force)
-        pressed = thinned(read["time"] - learned_in(run), read["endpoint_force"], self._time, run.sample_rate_hz)
-        before = self._time < 0.0
+        time, before = read["time"] - learned_in(run), self._time < 0.0
+        pressed = thinned(time, read["endpoint_force"], self._time, run.sample_rate_hz)
         end = float(np.mean(pressed[before & (self._time > -STEADY_S)]))
         if end < LEAST_SHARE * wanted.force[0]:
             return np.asarray(force)
@@ -161,11 +168,38 @@ def thinned(time: Array, values: Array, grid: Array, rate_hz: float) -> Array:
     return smooth(np.interp(grid, time, mean))
 
 
-def smooth(values: Array) -> Array:
-    """Low-passed at ``CUTOFF_HZ`` without delay, (n,) at the wide rate; the ends are held."""
-    kernel = low_pass_kernel(TAPS, CUTOFF_HZ, WIDE_RATE_HZ)
-    held = np.pad(values, TAPS // 2, mode="edge")
+def smooth(values: Array, cutoff_hz: float = CUTOFF_HZ) -> Array:
+    """Low-passed without delay, (n,) at the wide rate; the ends are held."""
+    taps = 2 * round(0.5 * TAPS * CUTOFF_HZ / cutoff_hz) + 1
+    kernel = low_pass_kernel(taps, cutoff_hz, WIDE_RATE_HZ)
+    held = np.pad(values, taps // 2, mode="edge")
     return np.asarray(np.convolve(held, kernel, mode="valid"))
+
+
+def motion_cutoff(wanted: WantedForce) -> float:
+    """Up to which frequency a measured motion is followed, Hz: ``HARMONICS`` of the wanted force's own.
+
+    What swings faster was not asked for: a soft cable's or a sliding tip's own swing. A torque that is
+    learned along it would keep it alive and feed it from run to run.
+    """
+    force = wanted.force - wanted.force.mean()
+    power = np.cumsum(np.abs(np.fft.rfft(force * np.hanning(len(force)))) ** 2)
+    place = int(np.searchsorted(power, MOST_OF_IT * power[-1])) if power[-1] > 0.0 else 0
+    own = place * WIDE_RATE_HZ / len(force)
+    return float(np.clip(HARMONICS * own, SLOWEST_HZ, CUTOFF_HZ))
+
+
+def calmed(motion: Motion, cutoff_hz: float) -> Motion:
+    """The same motion without what is faster."""
+    if cutoff_hz >= CUTOFF_HZ:
+        return motion
+    slow = {
+        name: smooth(getattr(motion, name), cutoff_hz) for name in ("position", "velocity", "acceleration")
+    }
+    joints = None
+    if motion.joints is not None:
+        joints = JointMotion(*(smooth(values, cutoff_hz) for values in vars(motion.joints).values()))
+    return replace(motion, **slow, joints=joints, _memory={})
 
 
 @dataclass(frozen=True)
@@ -205,7 +239,7 @@ def learned_plan(
 
     Args:
         pose: of the contact, by which motor position and sentences are told.
-        trim: N, as of :func:`trim_of`.
+        trim: N, by which the variant foretells more than is measured, throughout.
 
     Raises:
         UserError: no torque presses with the wanted force.
@@ -215,19 +249,37 @@ def learned_plan(
     return judged_plan(wanted, pose, rig, torque, half_width, motion, variant.band)
 
 
-def trim_of(
-    variant: Variant, plan: TorquePlan, run: Run, rig: Rig, where: str, most: float = math.inf
-) -> float:
-    """By how much a variant foretells more force of a practice than it measured, on average, N.
+def foretold_mean(variant: Variant, plan: TorquePlan, run: Run, rig: Rig, where: str) -> float:
+    """Mean force that a variant foretells of the torque that was sent in ``run``, along its motion, N."""
+    return float(np.mean(Along(variant, plan.wanted, run, rig, where).force(plan.torque)))
+
+
+def best_share(nominal: Array, found: Array) -> float:
+    """How far from the nominal torque to the found one, 0 to 1, so that what practice missed would be least.
+
+    What a model does not know of a bench, such as a play that chatters, may make its torque worse than the
+    nominal one. Forces add up for small changes of the torque; a constant is trimmed away in either. Where
+    the least error is hardly less than the nominal model's, the nominal torque is kept: 0.
 
     Args:
-        plan: that was sent in ``run``. most: bound, N, either way.
+        nominal, found: force errors of one practice of each, N, (n,) and (m,) over the same time.
     """
-    told = Along(variant, plan.wanted, run, rig, where).force(plan.torque)
-    read = run.load(["time", "endpoint_force"])
-    time = read["time"] - learned_in(run)
-    measured = thinned(time, read["endpoint_force"], plan.wanted.time, run.sample_rate_hz)
-    return float(np.clip(np.mean(told - measured), -most, most))
+    length = min(len(nominal), len(found))
+    before, after = (values[:length] - values[:length].mean() for values in (nominal, found))
+    change = after - before
+    size = float(change @ change)
+    share = float(np.clip(-(before @ change) / size, 0.0, 1.0)) if size > 0.0 else 0.0
+    least = float(np.std(before + share * change))
+    return share if least < (1.0 - LEAST_GAIN) * float(np.std(before)) else 0.0
+
+
+def between(nominal: TorquePlan, found: TorquePlan, share: float, rig: Rig) -> TorquePlan:
+    """The plan that goes from the nominal torque so far to the found one."""
+    if share == 1.0:
+        return found
+    torque = nominal.torque + share * (found.torque - nominal.torque)
+    motion = found.pose.motion(rig, found.time, found.force, torque)
+    return judged_plan(found.wanted, found.pose, rig, torque, found.half_width, motion, None)
 
 
 def own_error(model: ExtendedModel) -> float:
@@ -253,8 +305,7 @@ def judged_feed(
     """
     told = Along(model.extended, plan.wanted, run, rig, where).force(plan.torque) - trim
     own = own_error(model)
-    missed = told - plan.force if name == NOMINAL else np.zeros_like(told)
-    rms = math.hypot(float(np.sqrt(np.mean(missed**2))), own)
+    rms = math.hypot(float(np.sqrt(np.mean((told - plan.force) ** 2))), own)
     return Feed(name, plan, rms, float(np.abs(plan.torque - nominal.torque).max()))
 
 

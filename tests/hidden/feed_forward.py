@@ -61,9 +61,7 @@ def tried() -> tuple[str, ...]:
     return tuple(name for name, one in CATALOGUE.items() if one.family in FAMILIES or name in BEYOND)
 
 
-def try_bench(
-    source: str, effect: str, seed: int, pairs: int, models: Path | None = None
-) -> dict[str, Any]:
+def try_bench(source: str, effect: str, seed: int, pairs: int, models: Path | None = None) -> dict[str, Any]:
     """What a trial shows on a bench with the effect, or why there was none.
 
     Args:

@@ -34,18 +34,20 @@ from fingerlab.prediction.feed_forward import (
     FOUND,
     NOMINAL,
     Feed,
+    best_share,
+    between,
     first_plan,
+    foretold_mean,
     judged_feed,
     learned_plan,
     own_error,
     refuse_far,
-    trim_of,
 )
 from fingerlab.prediction.inverse import LEAD_S, TorquePlan, needed_torque
 from fingerlab.prediction.target import ContactPose, WantedForce, pose_of_run, wanted_force
 from fingerlab.prediction.trial import FORCE_MODEL, FORCE_TRIAL, POSE, PRACTICE, WANTED_FORCE, force_error
 from fingerlab.rig.file import Rig
-from fingerlab.sessions.model import Run
+from fingerlab.sessions.model import Array, Run
 
 LONGEST_S = 20.0
 """Of a wanted force: so long a run is still in the ring when the next torque is learned from it."""
@@ -115,8 +117,11 @@ class ForceTrial:
     _most_deg: float = 0.0
     _plans: dict[str, TorquePlan] = field(default_factory=dict)
     _feeds: dict[str, Feed] = field(default_factory=dict)
-    _practised: dict[str, Run] = field(default_factory=dict)
+    _motions: dict[str, Run] = field(default_factory=dict)
+    _missed: dict[str, float] = field(default_factory=dict)
+    _errors: dict[str, Array] = field(default_factory=dict)
     _trims: dict[str, float] = field(default_factory=dict)
+    _share: float = 1.0
 
     def __post_init__(self) -> None:
         told = self.settings
@@ -167,7 +172,8 @@ class ForceTrial:
     def steps(self) -> tuple[Step, ...]:
         """All of them; torques are filled in as they are learned."""
         told, set_up = self.settings, SetUp("contact", "flexion")
-        practice = dict.fromkeys((NOMINAL, *self.names))  # the first is of the nominal model in any case
+        models = tuple(dict.fromkeys((NOMINAL, *self.names)))  # the nominal one practises in any case
+        practice = [(name, self._learned) for name in models] + [(name, self._settled) for name in models]
         count = 2 + len(practice) + len(self.order)
         motion = {
             "kind": "sine",
@@ -181,9 +187,9 @@ class ForceTrial:
         steps.append(WorkOut("working out the first torque", self._take_pose, ask))
         steps.append(self._record(2, count, PRACTICE, self._first))
         steps.append(WorkOut("learning from the first run", self._learn_first))
-        for place, name in enumerate(practice, start=3):
+        for place, (name, learn) in enumerate(practice, start=3):
             steps.append(self._record(place, count, f"{PRACTICE} {name}", self._planned(name)))
-            steps.append(WorkOut(f"learning from the run of the {name} model", self._learned(name)))
+            steps.append(WorkOut(f"learning from the run of the {name} model", learn(name)))
         for place, name in enumerate(self.order, start=3 + len(practice)):
             steps += [Rest(told.rest_s), self._record(place, count, name, self._fed(name))]
         return tuple(steps)
@@ -235,27 +241,47 @@ class ForceTrial:
                 self._judge(name, plan, run)
 
     def _learned(self, name: str) -> Callable[[Run], None]:
+        """Of a model's first practice: its motion, along which its torque is found from now on."""
+
         def learn(run: Run) -> None:
             self._look_at(run)
-            self._practised[name] = run
-            self._doubt(name)
-            self._trims[name] = self._trim(name, run)
-            plan = self._learn(name, run)
-            self._judge(name, plan, run)
-            self._plans[name] = plan
+            self._doubt(name, run)
+            told = foretold_mean(self._variant(name), self._plans[name], run, self.rig, self._where)
+            pressed = float(force_error(run, self.wanted).measured.mean())
+            self._trims[name] = self._bound(told - pressed)
+            self._motions[name] = run
+            self._plans[name] = self._learn(name, run)
+            self._judge(name, self._plans[name], run)
 
         return learn
+
+    def _settled(self, name: str) -> Callable[[Run], None]:
+        """Of its second: what is left of its constant, and how far the found torque is to be gone."""
+
+        def settle(run: Run) -> None:
+            self._look_at(run)
+            self._doubt(name, run)
+            error = force_error(run, self.wanted).error
+            self._errors[name] = error
+            self._trims[name] = self._bound(self._trims[name] - float(error.mean()))
+            plan = self._learn(name, self._motions[name])
+            if name == FOUND:
+                self._share = best_share(self._errors[NOMINAL], error)
+                plan = self._kept(between(self._plans[NOMINAL], plan, self._share, self.rig))
+            self._judge(name, plan, self._motions[name])
+            self._plans[name] = plan
+
+        return settle
+
+    def _bound(self, trim: float) -> float:
+        most = MOST_TRIM * float(self.wanted.force.mean())
+        return float(np.clip(trim, -most, most))
 
     def _learn(self, name: str, run: Run) -> TorquePlan:
         assert self._pose is not None
         variant = self._variant(name)
         trim = self._trims.get(name, 0.0)
         return self._kept(learned_plan(variant, self.wanted, run, self._pose, self.rig, self._where, trim))
-
-    def _trim(self, name: str, run: Run) -> float:
-        """By how much a model foretells more force of its own practice than was measured, N, bounded."""
-        most = MOST_TRIM * float(self.wanted.force.mean())
-        return trim_of(self._variant(name), self._plans[name], run, self.rig, self._where, most)
 
     def _variant(self, name: str) -> Variant:
         return self.model.nominal if name == NOMINAL else self.model.extended
@@ -285,13 +311,11 @@ class ForceTrial:
         high = float(np.degrees(self.rig.limits.position_high))
         self._most_deg = min(reached + FURTHER_DEG, high)
 
-    def _doubt(self, name: str) -> None:
-        """Raises UserError where the found model's practice was far worse than the nominal one's."""
-        if name != FOUND or NOMINAL not in self._practised:
-            return
-        errors = (force_error(self._practised[one], self.wanted).error for one in (NOMINAL, FOUND))
-        nominal, found = (float(np.std(error)) for error in errors)  # a constant is trimmed away
-        if found > WORSE * np.fmax(nominal, own_error(self.model)):
+    def _doubt(self, name: str, run: Run) -> None:
+        """Raises UserError where the found model's practice was far worse than the nominal one's before."""
+        self._missed[name] = float(np.std(force_error(run, self.wanted).error))  # a constant is trimmed away
+        nominal, found = self._missed[NOMINAL], self._missed.get(FOUND, 0.0)
+        if name == FOUND and found > WORSE * np.fmax(nominal, own_error(self.model)):
             raise UserError(
                 f"With the found model the force is missed by {1e3 * found:.0f} mN, with the nominal one by "
                 f"{1e3 * nominal:.0f} mN; the model does not fit the bench as it stands: record and diagnose "
@@ -316,7 +340,12 @@ class ForceTrial:
     def _fed(self, name: str) -> Callable[[], tuple[Mapping[str, Any], Mapping[str, Any]]]:
         def fed() -> tuple[Mapping[str, Any], Mapping[str, Any]]:
             feed = self._feeds[name]
-            about = {"foretold_rms_n": feed.foretold_rms, "correction_n_m": feed.correction}
+            about = {
+                "foretold_rms_n": feed.foretold_rms,
+                "correction_n_m": feed.correction,
+                "trim_n": self._trims.get(name, 0.0),
+                "found_share": self._share if name == FOUND else 0.0,
+            }
             return self._bounded(self._plans[name]), {**self._told(), **about}
 
         return fed
