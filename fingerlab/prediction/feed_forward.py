@@ -193,13 +193,17 @@ def calmed(motion: Motion, cutoff_hz: float) -> Motion:
     """The same motion without what is faster."""
     if cutoff_hz >= CUTOFF_HZ:
         return motion
-    slow = {
-        name: smooth(getattr(motion, name), cutoff_hz) for name in ("position", "velocity", "acceleration")
-    }
     joints = None
     if motion.joints is not None:
         joints = JointMotion(*(smooth(values, cutoff_hz) for values in vars(motion.joints).values()))
-    return replace(motion, **slow, joints=joints, _memory={})
+    return replace(
+        motion,
+        position=smooth(motion.position, cutoff_hz),
+        velocity=smooth(motion.velocity, cutoff_hz),
+        acceleration=smooth(motion.acceleration, cutoff_hz),
+        joints=joints,
+        _memory={},
+    )
 
 
 @dataclass(frozen=True)

@@ -144,8 +144,9 @@ def test_on_the_simulated_rig_the_error_falls(model: Path, tmp_path: Path) -> No
     assert done.exit_code == 0, done.exception  # type: ignore[attr-defined]
     session = open_session(out)
     sent = [run.attributes["force_model"] for run in session.runs]
-    assert sent[:4] == ["pose", "practice", "practice nominal", "practice found"]
-    assert sorted(sent[4:]) == ["found", "nominal"]
+    assert sent[:2] == ["pose", "practice"]
+    assert sent[2:6] == 2 * ["practice nominal", "practice found"]
+    assert sorted(sent[6:]) == ["found", "nominal"]
     assert json.loads(session.runs[-1].attributes["wanted_force"])["force_n"][0] == pytest.approx(0.9)
     shown = CliRunner().invoke(cli, ["trial", str(out), "--json", "-"])
     told = json.loads(shown.stdout)

@@ -66,6 +66,7 @@ class WantedPanel(QWidget):
         self.hand = described(QPushButton("Hand &to Acquire"), "handTorque", primary="true")
         self._lay_out()
         self._connect()
+        self.wanted.set_shown(True)
         self.show_outcome("", "", False)
 
     def _lay_out(self) -> None:

@@ -57,7 +57,7 @@ class WantedFields(QObject):
         )
 
     def add_to(self, form: QFormLayout, title: str = "Fo&rce") -> None:
-        """Stand in a form, below what is there."""
+        """Stand in a form, below what is there; :meth:`set_shown` once the form has its place."""
         self._form = form
         form.addRow(title, self.kind)
         for name, field in self.numbers.items():
@@ -67,7 +67,6 @@ class WantedFields(QObject):
         for field in self.numbers.values():
             field.valueChanged.connect(lambda _value: self.changed.emit())
         self.file.clicked.connect(self._choose_file)
-        self._show_kind()
 
     def set_shown(self, on: bool) -> None:
         """All rows, as far as the kind has them, or none."""
