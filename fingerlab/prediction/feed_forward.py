@@ -105,7 +105,8 @@ class Along:
         """
         scales, newton = self._variant.scales, self._variant.scales.of("N")
         aimed = self._aimed + trim / newton
-        found, slope = solved_torque(self._predicted, aimed, self._where, newton, MISSED_N)
+        first = int(np.searchsorted(self._time, -STEADY_S))
+        found, slope = solved_torque(self._predicted, aimed, self._where, newton, MISSED_N, first)
         torque = smooth(scales.torque * found)
         # The load cell is read ``delay`` after the motor: the torque leads by as much.
         torque = np.interp(self._wanted.time + self._delay, self._time, torque)

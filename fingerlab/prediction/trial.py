@@ -23,6 +23,8 @@ from fingerlab.sessions.model import Array, Run, Session
 
 FORCE_TRIAL, FORCE_MODEL, WANTED_FORCE = "force_trial", "force_model", "wanted_force"
 """Attributes: of the session, what was asked for; of a run, which model sent it and what was wanted."""
+FOUND_SHARE = "found_share"
+"""Attribute of a run: how far from the nominal torque to the found one its torque goes, 0 to 1."""
 POSE, PRACTICE = "pose", "practice"
 """Runs that only learn."""
 EDGE_S = 0.1

@@ -13,13 +13,12 @@ from click.testing import CliRunner
 
 from fingerlab.cli.main import cli
 from fingerlab.core.errors import UserError
-from fingerlab.models.file import write_model
-from fingerlab.prediction import fit_extended, model_of_extended
 from fingerlab.prediction.trial import Trial, analyse_trial
 from fingerlab.report.trial import rest_sentence, trial_sentence
 from fingerlab.rig.file import Motor, Rig
 from fingerlab.sessions import open_session
 from fingerlab.sessions.model import Run, Session
+from tests.prediction.trial_model import EFFECT, SEED, model_with_effect
 
 RATE, LEAD, SECONDS = 1000.0, 2.0, 8.0
 
@@ -97,29 +96,12 @@ def test_a_session_that_is_no_trial_is_one_sentence() -> None:
         analyse_trial(Session(Path("plain.h5"), "", "", rig, (), {}))
 
 
-EFFECT = ("--effect", "spring_hardening=x1.5", "--seed", "4")
+BENCH = ("--effect", EFFECT, "--seed", str(SEED))
 
 
 @pytest.fixture(scope="module")
 def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A model with the effect that the simulated bench has, from a short session of it."""
-    from fingerlab.twin.effects import parse_effects
-    from fingerlab.twin.protocols import load_preset, single_run
-    from fingerlab.twin.session import write_session
-
-    folder = tmp_path_factory.mktemp("trial")
-    air = {"kind": "multisine", "frequency_hz": 0.7, "duration_s": 10.0}
-    plans = [
-        single_run({**air, "amplitude_deg": 12.0, "offset_deg": 22.0}, "on_air", "extension"),
-        single_run({**air, "amplitude_deg": 8.0, "offset_deg": 14.0}, "on_air", "flexion"),
-    ]
-    for frequency in (0.5, 0.8):
-        motion = {"kind": "sine", "amplitude_deg": 1.6, "frequency_hz": frequency, "duration_s": 10.0}
-        plans.append(single_run(motion, "contact"))
-    session, kept = folder / "S.h5", folder / "M.json"
-    write_session(session, load_preset("practice"), "t", plans, parse_effects(EFFECT[1:2]), 4)
-    write_model(model_of_extended(fit_extended([open_session(session)], ["spring_hardening"])), kept)
-    return kept
+    return model_with_effect(tmp_path_factory.mktemp("trial"))
 
 
 @pytest.fixture(autouse=True)
@@ -131,7 +113,7 @@ def record(model: Path, out: Path, wish: dict[str, object], *more: str) -> objec
     return CliRunner().invoke(
         cli,
         ["record", "--feed-forward", str(model), "--wanted", json.dumps(wish), "--device", "simulated",
-         "--rest", "0.1", "--out", str(out), *EFFECT, *more],
+         "--rest", "0.1", "--out", str(out), *BENCH, *more],
     )  # fmt: skip
 
 

@@ -166,7 +166,7 @@ NAMED = {
     "motor-bench": "Motor bench",
 }
 HANDED = "handed"
-TRIAL_NAME = "Force trial: two models"
+TRIAL_NAME = "Force trial"
 WITHOUT_CONTACT = ("own_on_air", "own_scan", "on-air", "motor-bench")
 MOST_RUNS = 1000
 
@@ -383,8 +383,8 @@ class ProtocolForm(QWidget):
             *((field, key == "own_scan") for field in self.scans.values()),
             (self.runs, key in OWN_RUNS and key != "own_scan"),
             (self.seconds, key in OWN_RUNS),
-            (self.rest, key != HANDED),
-            (self.force, key not in (HANDED, *WITHOUT_CONTACT)),
+            (self.rest, key not in (HANDED, FORCE_TRIAL)),
+            (self.force, key not in (HANDED, FORCE_TRIAL, *WITHOUT_CONTACT)),
             (self.amplitude, key not in (HANDED, TABLE, FORCE_TRIAL, *WITHOUT_CONTACT)),
             (self.first, key != FORCE_TRIAL),
         ):

@@ -10,7 +10,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QDialog, QDialogButtonBox, QWidget
 
 from fingerlab.core.text import NEWTON, ScreenUnit
-from fingerlab.prediction.trial import CAUSES, ModelForce, Trial
+from fingerlab.prediction.trial import ModelForce, Trial
 from fingerlab.report.trial import result_sentences, trial_row
 from fingerlab.sessions.model import Array
 
@@ -24,6 +24,8 @@ from ..widgets.theme import large_font, small_font
 
 WIDTH, HEIGHT = 940, 720
 MILLI_NEWTON = ScreenUnit("mN", 1e3)
+ROOM = 4
+"""Below the last row, px."""
 COLOURS = {"nominal": "modelled", "found": "candidate"}
 COLUMNS = (
     ("Model", "Whose torque was sent."),
@@ -32,7 +34,6 @@ COLUMNS = (
     ("Foretold (mN)", "What the found model foretold of it before the runs."),
     ("Largest (mN)", "Mean of the runs' largest errors."),
     ("Run to run (mN)", "What differs between runs of the same model: no feed-forward takes it away."),
-    *((f"{cause.capitalize()} (%)", f"Of the squared error: {words}.") for cause, words in CAUSES.items()),
 )
 
 
@@ -125,7 +126,7 @@ class TrialDialog(QDialog):
         self.force = TrialPlot("trialForces", "Wanted and measured force of both models", missed=False)
         self.error = TrialPlot("trialErrors", "Measured less wanted force of both models", missed=True)
         self.hint = remark("Blue: nominal model; green: found model; dashed: wanted.")
-        self.table = NumberTable("trialNumbers", "Force error of both models and its causes", COLUMNS)
+        self.table = NumberTable("trialNumbers", "Force error of both models", COLUMNS)
         close = QDialogButtonBox(QDialogButtonBox.StandardButton.Close)
         close.rejected.connect(self.reject)
         vbox(
@@ -141,9 +142,10 @@ class TrialDialog(QDialog):
         self.force.show_trial(trial)
         self.error.show_trial(trial)
         models = [one for one in (trial.nominal, trial.found) if one is not None]
-        self.table.show_rows([trial_row(model) for model in models])
+        self.table.show_rows([trial_row(model)[: len(COLUMNS)] for model in models])
         rows = self.table.verticalHeader().defaultSectionSize() * len(models)
-        self.table.setFixedHeight(self.table.horizontalHeader().sizeHint().height() + rows + 4)
+        frame = 2 * self.table.frameWidth() + ROOM
+        self.table.setFixedHeight(self.table.horizontalHeader().sizeHint().height() + rows + frame)
 
 
 def show_force_trial(context: ApplicationContext, path: Path, parent: QWidget) -> None:

@@ -45,7 +45,15 @@ from fingerlab.prediction.feed_forward import (
 )
 from fingerlab.prediction.inverse import LEAD_S, TorquePlan, needed_torque
 from fingerlab.prediction.target import ContactPose, WantedForce, pose_of_run, wanted_force
-from fingerlab.prediction.trial import FORCE_MODEL, FORCE_TRIAL, POSE, PRACTICE, WANTED_FORCE, force_error
+from fingerlab.prediction.trial import (
+    FORCE_MODEL,
+    FORCE_TRIAL,
+    FOUND_SHARE,
+    POSE,
+    PRACTICE,
+    WANTED_FORCE,
+    force_error,
+)
 from fingerlab.rig.file import Rig
 from fingerlab.sessions.model import Array, Run
 
@@ -344,7 +352,7 @@ class ForceTrial:
                 "foretold_rms_n": feed.foretold_rms,
                 "correction_n_m": feed.correction,
                 "trim_n": self._trims.get(name, 0.0),
-                "found_share": self._share if name == FOUND else 0.0,
+                FOUND_SHARE: self._share if name == FOUND else 0.0,
             }
             return self._bounded(self._plans[name]), {**self._told(), **about}
 
