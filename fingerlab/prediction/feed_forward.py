@@ -3,10 +3,12 @@
 The inverse (:mod:`fingerlab.prediction.inverse`) takes the finger's pose for a straight line of the force.
 That is good to begin with; but tip and joints stick and slide, cables stretch, and play is passed, so that
 pose and states of friction depend on what came before. Hence a first run is taken with that torque, and the
-torque is found anew along the motion that was measured in it. It inverts each effect that the equations hold:
-friction, stretch, slack, ripple, springs, masses, contact, delay. What it cannot invert is what differs from
-run to run, what is faster than the torque's low-pass (a play that chatters, a knock), what no measured run
-has come to, and an error of the load cell itself, whose reading is what is wanted.
+torque is found anew along the motion that was measured in it, less what swings by itself. It inverts each
+effect that the equations hold: friction, stretch, slack, ripple, springs, masses, contact, delay. What it
+cannot invert is what differs from run to run, what is faster than the motion is followed (a play that
+chatters, a knock), what no measured run has come to, and an error of the load cell itself, whose reading is
+what is wanted. A constant of the set-up is taken off either model's torque after practice, and a found torque
+is gone as far as practice bears it out (:func:`best_share`).
 """
 
 from __future__ import annotations

@@ -117,6 +117,7 @@ class Trial:
         ratio: force error (rms) of the found model over the nominal one's; NaN without both.
         low, high: its 90 % interval; NaN with fewer than two pairs.
         foretold_ratio: as the found model foretold it.
+        found_share: how far from the nominal torque to the found one was gone, 0 to 1; NaN without either.
     """
 
     model_file: str
@@ -127,6 +128,7 @@ class Trial:
     low: float
     high: float
     foretold_ratio: float
+    found_share: float = math.nan
 
 
 def analyse_trial(session: Session) -> Trial:
@@ -156,7 +158,15 @@ def analyse_trial(session: Session) -> Trial:
             [run.error.rms for run in nominal.runs[:pairs]], [run.error.rms for run in found.runs[:pairs]]
         )
     effects = tuple(str(one) for one in told.get("effects", ()))
-    return Trial(str(told.get("model", "")), effects, nominal, found, ratio, low, high, foretold)
+    shares = [_share(run) for run in session.runs if run.attributes.get(FORCE_MODEL) == FOUND]
+    share = shares[0] if shares else math.nan
+    return Trial(str(told.get("model", "")), effects, nominal, found, ratio, low, high, foretold, share)
+
+
+def _share(run: Run) -> float:
+    """Of a run of an earlier version, which went all the way, 1."""
+    told = run.attributes.get(FOUND_SHARE, 1.0)
+    return float(told) if isinstance(told, int | float) else math.nan
 
 
 def _run(run: Run, session: Session) -> TrialRun:
@@ -276,5 +286,6 @@ def trial_json(trial: Trial) -> dict[str, Any]:
     return {
         "schema": 1, "model": trial.model_file, "effects": list(trial.effects), "unit": "N",
         "nominal": of(trial.nominal), "found": of(trial.found),
+        "found_share": trial.found_share,
         "ratio": {"value": trial.ratio, "interval": interval, "foretold": trial.foretold_ratio},
     }  # fmt: skip

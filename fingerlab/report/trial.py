@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 MENTIONED = 0.1
 """Share of the squared error from which on a cause is named (assumed)."""
+WHOLE = 0.99
+"""Share of a found torque from which on it was sent whole, for words."""
 
 
 def trial_sentence(trial: Trial) -> str:
@@ -39,7 +41,9 @@ def trial_sentence(trial: Trial) -> str:
 def result_sentences(trial: Trial) -> tuple[str, ...]:
     """All that a trial shows: how far the error fell, what was foretold, and what each model leaves."""
     models = [one for one in (trial.nominal, trial.found) if one is not None]
-    told = (trial_sentence(trial), foretold_sentence(trial), *map(rest_sentence, models))
+    told = (
+        trial_sentence(trial), share_sentence(trial), foretold_sentence(trial), *map(rest_sentence, models)
+    )  # fmt: skip
     return tuple(sentence for sentence in told if sentence)
 
 
@@ -66,6 +70,19 @@ def foretold_sentence(trial: Trial) -> str:
         f"The found model had foretold {_mn(trial.nominal.foretold_rms)} with the nominal torque and "
         f"{_mn(trial.found.foretold_rms)} with its own: {100 * trial.foretold_ratio:.0f} %."
     )
+
+
+def share_sentence(trial: Trial) -> str:
+    """How far the found torque was sent; empty where it was sent whole."""
+    share = trial.found_share
+    if not math.isfinite(share) or share > WHOLE:
+        return ""
+    if share == 0.0:
+        return (
+            "In practice the found torque missed no less than the nominal one, which was therefore sent "
+            "for both."
+        )
+    return f"Practice bore out {100 * share:.0f} % of the way from the nominal torque to the found one."
 
 
 def rest_sentence(model: ModelForce) -> str:

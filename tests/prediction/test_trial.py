@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ from click.testing import CliRunner
 from fingerlab.cli.main import cli
 from fingerlab.core.errors import UserError
 from fingerlab.prediction.trial import Trial, analyse_trial
-from fingerlab.report.trial import rest_sentence, trial_sentence
+from fingerlab.report.trial import rest_sentence, share_sentence, trial_sentence
 from fingerlab.rig.file import Motor, Rig
 from fingerlab.sessions import open_session
 from fingerlab.sessions.model import Run, Session
@@ -90,6 +91,18 @@ def test_what_differs_from_run_to_run_is_scatter() -> None:
     assert "differs from run to run" in rest_sentence(found)
 
 
+@pytest.mark.parametrize(
+    ("share", "words"),
+    [(1.0, ""), (0.38, "Practice bore out 38 % of the way"), (0.0, "missed no less than the nominal one")],
+)
+def test_how_far_the_found_torque_was_sent_is_said(share: float, words: str) -> None:
+    trial = made([("nominal", constant(0.1)), ("found", constant(0.02))])
+    assert trial.found_share == 1.0  # of an earlier version, which went all the way
+    said = share_sentence(replace(trial, found_share=share))
+    assert words in said
+    assert bool(said) == bool(words)
+
+
 def test_a_session_that_is_no_trial_is_one_sentence() -> None:
     rig = Rig(None, Motor(torque_constant=0.0302, gear_ratio=4.3, pulley_radius=0.015, inertia=None))
     with pytest.raises(UserError, match="holds no feed-forward trial"):
@@ -149,6 +162,24 @@ def test_it_ends_where_the_force_is_beyond_what_was_allowed(
     assert [run.attributes["force_model"] for run in session.runs] == ["pose", "practice"]
     force = session.runs[1].channel("endpoint_force")
     assert force.max() < 0.9  # the wanted force was never reached
+
+
+def test_stopped_in_the_middle_the_motor_has_no_current_and_the_recording_is_read(
+    model: Path, tmp_path: Path
+) -> None:
+    orders, out = tmp_path / "orders.txt", tmp_path / "T.h5"
+    orders.write_text("@3:3.0 stop\n", encoding="utf-8")
+    done = record(model, out, WISH, "--ab", "1", "--commands", str(orders))
+    assert done.exit_code != 0  # type: ignore[attr-defined]
+    session = open_session(out)
+    assert [run.attributes["force_model"] for run in session.runs] == ["pose", "practice", "practice nominal"]
+    last = session.runs[-1]
+    assert 3.0 <= last.seconds < 3.2
+    torque = last.channel("motor_torque")
+    assert torque[2900] > 0.05  # N m: it pressed when it was stopped
+    assert abs(torque[-1]) < 0.02  # within the millisecond; the current sensor's noise is 0.003
+    with pytest.raises(UserError, match="broke off while it practised"):
+        analyse_trial(session)
 
 
 @pytest.mark.parametrize(

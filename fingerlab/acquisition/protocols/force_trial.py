@@ -2,9 +2,11 @@
 
 1. The load cell is found, and a slow motion about there (``pose``) tells how finger and motor stand.
 2. The nominal model's torque for that pose (``practice``): the first run under torque.
-3. Each model's torque along the motion that was measured in 2, once more as practice.
-4. Each model's torque along the motion of its own practice, which is sent in the runs that count: with two
-   models in pairs, the order within each pair drawn by a seed.
+3. Each model's torque along the motion that was measured in 2, once more as practice: from now on its torque
+   is found along its own motion, less the constant by which it pressed too hard.
+4. The same torques once more as practice: what is left of the constant, and how far the found torque is to be
+   gone, as far as it misses less than the nominal one.
+5. The runs that count: with two models in pairs, the order within each pair drawn by a seed.
 
 What is worked out between runs is worked out with the amplifier off. It ends on the first doubt: a torque
 beyond the limits or too far from the nominal one, a fingertip that does not press, presses too hard or leaves
