@@ -11,6 +11,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import re
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -195,8 +196,8 @@ Each bench has one effect of drive, cable or joints. A session of the protocol `
 what the diagnosis says is saved. `record --feed-forward` then sends a force of 0.4 to 1.4 N at 0.5 Hz
 by the nominal model (fitted to the same session) and by the found one, in pairs of runs in random
 order. Errors are rms of the load cell less the wanted force, low-passed at 8 Hz. How it is sent, what
-is learned in practice (for both models alike), what ends it and what cannot be inverted stands in [A
-wanted force](tutorials/wanted-force.md).
+is learned in practice (for both models alike), what ends it and what cannot be inverted stands in
+[A wanted force](tutorials/wanted-force.md).
 
 **Reading it.** Both models practise alike, and each takes its own constant off: the ratio says what the
 found model's shape of the force is worth, not its trim. Some millinewtons are missed by both: how the
@@ -241,7 +242,10 @@ def markdown(entries: Sequence[Entry], command: str) -> str:
 def _row(e: Entry) -> str:
     head = f"| {e['effect']} | {e['seed']} | {' + '.join(e.get('effects', [])) or '-'} |"
     if "ratio" not in e:
-        return f"{head} - | - | - | - | - | {e.get('failed', 'nothing to send')[:80]} |"
+        why = re.sub(
+            r"\S*[/\\](?=\S*\.json)", "", e.get("failed", "nothing to send")
+        )  # a path is that of one machine
+        return f"{head} - | - | - | - | - | {why.split(';')[0].split(' whose')[0]} |"
     of = e["ratio"]
     return (
         f"{head} {1e3 * e['nominal']['rms']:.1f} | {1e3 * e['found']['rms']:.1f} | {of['value']:.2f} | "
