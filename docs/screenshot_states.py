@@ -304,6 +304,13 @@ def sessions_states(window: MainWindow, folder: Path) -> Iterator[str]:
     assert tab._trend is not None
     FACTS["sessions.change"] = tab._trend.words.text()
     yield "trend"
+    benches = tab._trend.benches
+    tab._trend.pages.setCurrentWidget(benches)
+    benches.first.setCurrentText("day-[1-4].h5")
+    benches.second.setCurrentText("day-[5-8].h5")
+    benches.compare()
+    FACTS["sessions.shared"] = benches.words.text()
+    yield "benches"
     tab._trend.close()
     for name in ("day-4.h5", "day-5.h5"):
         index = tab.page.model.index(tab.page.model.row(days / name), 0)

@@ -29,6 +29,7 @@ def summary(folder: Path) -> str:
             _wrong,
             _feed_forward,
             _drafted,
+            _changed,
             _probabilities,
             _foretold,
             _replicate,
@@ -91,6 +92,12 @@ def _drafted(folder: Path) -> Iterator[str]:
     _, rows = table(folder / "draft-laws.md", "what", "figure")
     for what, figure in rows:
         yield _line(f"effects left out of the catalogue: {what}", figure, "draft-laws.md", "Drafted laws")
+
+
+def _changed(folder: Path) -> Iterator[str]:
+    _, rows = table(folder / "changes-over-time.md", "what", "figure")
+    for what, figure in rows:
+        yield _line(f"benches over sessions: {what}", figure, "changes-over-time.md", "Changes over time")
 
 
 def _probabilities(folder: Path) -> Iterator[str]:

@@ -1,14 +1,11 @@
-"""Whether a bench changed at one moment, drifted or stayed: a change named, with its probability.
+"""What became of a bench over its sessions: of every number, and of the bench at one moment.
 
-Three laws are weighed for every quantity over time: steady, a straight drift, and a step between two sessions
-that follow one another. For a number, with normal scatter of unknown size, the Bayes factors are those of a
-regression against the mean alone under the prior of Zellner and Siow (Liang et al., "Mixtures of g priors for
-Bayesian variable selection", J. Am. Stat. Assoc. 103, 2008, eqs. 6 and 9). Whether an effect was found
-missing is a yes or no of each session: one rate, or one before and another after, under Jeffreys' prior.
+Each number has a course: steady, a step, wear, something that settles or warms up, or one session that went
+wrong, each with its probability (``laws.py``). Whether an effect was found missing is a yes or no of each
+session: one rate, or one before and another after, under Jeffreys' prior.
 
-A step may lie anywhere, so its factor is the mean over all places. One that is found in many quantities is
-judged as one of many: beforehand, as much speaks for no change in any of them as for a change in one. Two
-sessions at least stand on either side, so that one that went wrong is no change.
+One that is found in many quantities is judged as one of many: beforehand, as much speaks for no change in any
+of them as for a change in one. What steps at the same moment is told as one change.
 """
 
 from __future__ import annotations
@@ -19,34 +16,50 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from fingerlab.batch.laws import Course, Range, course
+from fingerlab.batch.settings import MOSTLY, TOLD
+from fingerlab.batch.strengths import (
+    effect_of,
+    found_effects,
+    model_of,
+    prior_of,
+    series,
+    strength_columns,
+    with_strengths,
+)
 from fingerlab.batch.table import Row, ageing_rows, days_of, followed_columns, number_of
 from fingerlab.core.text import ParameterEstimate
 from fingerlab.sessions.model import Array
 
 LEAST_SIDE = 2
-"""Sessions on either side of a step."""
-LEAST_SESSIONS = 5
-"""Fewer leave a step and a slope nearly alike."""
-TOLD = 0.5
-"""From this probability on a change is named."""
-MOSTLY = 0.5
-"""An effect is in the models of a side if it is in more than so many of them."""
+"""Sessions on either side of the moment from which on an effect is found: one alone may have gone wrong."""
+LEAST_YES_AND_NO = 5
+"""Fewer sessions leave open whether a yes or no changed."""
 
 
 @dataclass(frozen=True)
-class Weighed:
-    """What became of one quantity.
+class NumberCourse:
+    """The course of one column over the sessions that have it.
 
     Attributes:
-        steady, drift, step: probabilities, together 1. place: number of sessions before the likeliest step.
-        certain_place: probability of that place, if there is a step.
+        column, unit: of the table. effect: whose strength it is; empty: none's. names: of the sessions, in
+            order of time. when: their ISO times. from_nothing: whether it should be zero.
+        course: what became of it. leans_on: effects of the models of its sessions, if it is the strength of
+            an effect fitted alone, which then takes up what these do; it is no finding of its own.
     """
 
-    steady: float
-    drift: float
-    step: float
-    place: int
-    certain_place: float
+    column: str
+    unit: str
+    effect: str
+    names: tuple[str, ...]
+    when: tuple[str, ...]
+    from_nothing: bool
+    course: Course
+    leans_on: tuple[str, ...] = ()
+
+    def estimate(self, told: Range) -> ParameterEstimate:
+        """A level or a size of the course, with its unit."""
+        return ParameterEstimate(told.value, self.unit, told.low, told.high)
 
 
 @dataclass(frozen=True)
@@ -78,53 +91,31 @@ class Change:
     others: tuple[str, ...] = ()
 
 
-def weigh(days: Array, values: Array, prior: float = 0.5) -> Weighed | None:
-    """Steady, drift or step of a number; None for fewer than five sessions or with no place for a step.
+@dataclass(frozen=True)
+class YesAndNo:
+    """Whether a rate changed: ``step``, its probability; ``place``, the sessions before the likeliest moment;
+    ``certain_place``, the probability of that place, if there is a step."""
+
+    step: float
+    place: int
+    certain_place: float
+
+
+def weigh_found(days: Array, found: Sequence[bool], prior: float = 0.5) -> YesAndNo | None:
+    """One rate, or one before and another after, of whether something was found; None: too few sessions.
 
     Args:
-        days: of recording, (n,), rising. values: (n,).
-        prior: probability of any change beforehand, half of it of a drift.
+        days: of recording, (n,), rising. prior: probability of a change beforehand.
     """
-    places = _places(days)
-    if len(values) < LEAST_SESSIONS or not places:
-        return None
-    steps = [_factor(values, (np.arange(len(values)) >= place).astype(float)) for place in places]
-    return _weighed(places, steps, _factor(values, days), prior)
-
-
-def weigh_found(days: Array, found: Sequence[bool], prior: float = 0.5) -> Weighed | None:
-    """The same of whether something was found; a drift is not asked for."""
-    places = _places(days)
-    if len(found) < LEAST_SESSIONS or not places:
+    inside = range(LEAST_SIDE, len(days) - LEAST_SIDE + 1)
+    places = [place for place in inside if days[place] > days[place - 1]]
+    if len(found) < LEAST_YES_AND_NO or not places:
         return None
     hits = np.asarray(found, dtype=bool)
     one = _rate(hits)
     steps = [math.exp(_rate(hits[:place]) + _rate(hits[place:]) - one) for place in places]
-    return _weighed(places, steps, 0.0, prior)
-
-
-def _places(days: Array) -> list[int]:
-    """Numbers of sessions that may stand before a step: not between two of one time."""
-    inside = range(LEAST_SIDE, len(days) - LEAST_SIDE + 1)
-    return [place for place in inside if days[place] > days[place - 1]]
-
-
-def _factor(values: Array, regressor: Array) -> float:
-    """Bayes factor of a regression against the mean alone."""
-    n = len(values)
-    spread, centred = values - values.mean(), regressor - regressor.mean()
-    total, size = float(spread @ spread), float(centred @ centred)
-    if total <= 0.0 or size <= 0.0:  # nothing differs at all
-        return 0.0
-    missed = max(1.0 - float(spread @ centred) ** 2 / (total * size), 1e-12)
-    g = np.exp(_LOG_G)
-    prior = 0.5 * (np.log(0.5 * n / np.pi) - _LOG_G - n / g)  # of log g: inverse gamma (1/2, n/2)
-    factor = 0.5 * (n - 2) * np.log1p(g) - 0.5 * (n - 1) * np.log1p(g * missed)
-    return float(np.sum(np.exp(prior + factor)) * (_LOG_G[1] - _LOG_G[0]))
-
-
-_LOG_G = np.linspace(-6.0, 30.0, 361)
-"""Over which the weight of the prior is integrated; beyond, nothing is left."""
+    mean, best = prior * float(np.mean(steps)), int(np.argmax(steps))
+    return YesAndNo(mean / (mean + 1.0 - prior), places[best], steps[best] / sum(steps))
 
 
 def _rate(hits: Array) -> float:
@@ -133,30 +124,89 @@ def _rate(hits: Array) -> float:
     return math.lgamma(yes + 0.5) + math.lgamma(n - yes + 0.5) - math.lgamma(n + 1) - math.log(math.pi)
 
 
-def _weighed(places: list[int], steps: Sequence[float], drift: float, prior: float) -> Weighed:
-    mean = float(np.mean(steps))
-    share = 0.5 * prior if drift else prior
-    weights = np.array([1.0 - prior, share * drift, share * mean])
-    steady, drifts, step = map(float, weights / weights.sum())
-    best = int(np.argmax(steps))
-    certain = steps[best] / sum(steps) if sum(steps) > 0 else 0.0
-    return Weighed(steady, drifts, step, places[best], certain)
+def course_columns(rows: Sequence[Row]) -> list[str]:
+    """The columns that have a course, in rows of :func:`with_strengths`: the bench's numbers, then effects'.
+
+    The errors only follow. An effect that was found somewhere is followed by its strength in the models.
+    """
+    strong = [column for effect in found_effects(rows) for column in strength_columns(effect, rows)]
+    told = {effect_of(column) for column in strong}
+    usual = [column for column in followed_columns(rows)[2:] if effect_of(column) not in told]
+    return list(dict.fromkeys([*usual, *strong]))
 
 
-def changes(rows: Sequence[Row], units: Mapping[str, str]) -> list[Change]:
-    """What changed between two sessions, surest first; what is as likely steady as not is left out."""
-    usable = ageing_rows(rows)
-    days = days_of(usable)
-    effects = sorted({str(name) for row in usable for name in _model(row)})
-    columns = [*followed_columns(usable)[2:], *_strengths(usable)]  # not the errors: they only follow
-    columns = list(dict.fromkeys(columns))
-    prior = 1.0 / (1.0 + max(len(effects) + len(columns), 1))
-    found = [c for column in columns if (c := _of_column(usable, days, column, units, prior)) is not None]
+def courses(rows: Sequence[Row], units: Mapping[str, str]) -> list[NumberCourse]:
+    """The course of every number that three sessions have, in the order of :func:`course_columns`."""
+    usable = with_strengths(ageing_rows(rows))
+    days, columns = days_of(usable), course_columns(usable)
+    seconds = np.array([number_of(row.get("recorded_seconds")) for row in usable])
+    used = np.concatenate(([0.0], np.cumsum(seconds)[:-1])) if len(usable) else seconds
+    change = one_of_many(len(columns) + len(found_effects(usable)))
+    told = []
+    for column in columns:
+        known, values, errors = series(usable, column)
+        if not known:
+            continue
+        prior = prior_of(column, values, change)
+        one = course(days[known], values, errors, prior, used[known])
+        if one is not None:
+            names, when = (tuple(str(usable[i][key]) for i in known) for key in ("session", "created"))
+            from_nothing = prior.absent or column.startswith("param.loss")
+            unit = units.get(column) or units.get(_alone(column), "1")
+            leans_on = tuple(_leans_on(column, [usable[i] for i in known]))
+            told.append(
+                NumberCourse(column, unit, effect_of(column), names, when, from_nothing, one, leans_on)
+            )
+    return told
+
+
+def _leans_on(column: str, rows: Sequence[Row]) -> list[str]:
+    """Effects that take part in what an effect fitted alone takes up."""
+    if not column.startswith("alone."):
+        return []
+    return [effect for effect in found_effects(rows) if effect != effect_of(column)]
+
+
+def _alone(column: str) -> str:
+    return f"alone.{column.partition('.')[2]}"
+
+
+def one_of_many(count: int) -> float:
+    """Probability beforehand that one of so many quantities changed."""
+    return 1.0 / (1.0 + max(count, 1))
+
+
+def changes(
+    rows: Sequence[Row], units: Mapping[str, str], known: Sequence[NumberCourse] | None = None
+) -> list[Change]:
+    """What changed between two sessions, surest first; what is as likely steady as not is left out.
+
+    Args:
+        known: the courses of these rows, if they are there already.
+    """
+    usable = with_strengths(ageing_rows(rows))
+    days, effects = days_of(usable), found_effects(usable)
+    prior = one_of_many(len(course_columns(usable)) + len(effects))
+    told = courses(rows, units) if known is None else known
+    found = [_of_column(usable, one) for one in told if one.course.step >= TOLD]
     found += [c for effect in effects if (c := _of_effect(usable, days, effect, prior)) is not None]
     moments: dict[str, list[Change]] = {}
     for change in found:
         moments.setdefault(change.after, []).append(change)
     return sorted(map(_named, moments.values()), key=lambda one: -one.chance)
+
+
+def beside(known: Sequence[NumberCourse], found: Sequence[Change]) -> list[NumberCourse]:
+    """Courses that are no part of a change at one moment, and lean on nothing that was found."""
+    columns = {name for change in found for name in (change.column, *change.others)}
+    effects = {change.effect for change in found if change.effect}
+    return [
+        one
+        for one in known
+        if not one.leans_on
+        and one.column not in columns
+        and not (one.effect in effects and one.course.step >= TOLD)
+    ]
 
 
 ORDER = ("new", "gone", "grown", "shrunk", "moved")
@@ -184,70 +234,28 @@ def _named(together: Sequence[Change]) -> Change:
 
 
 def _of_effect(rows: Sequence[Row], days: Array, effect: str, prior: float) -> Change | None:
-    found = [effect in _model(row) for row in rows]
+    found = [effect in model_of(row) for row in rows]
     weighed = weigh_found(days, found, prior)
     if weighed is None or weighed.step < TOLD:
         return None
     k = weighed.place
     counts = (sum(found[:k]), k, sum(found[k:]), len(found) - k)
     kind = "new" if counts[0] * counts[3] < counts[2] * counts[1] else "gone"
-    return _change(rows, k, weighed, kind, effect, "", counts)
+    names, when = ([str(row[key]) for row in rows] for key in ("session", "created"))
+    return Change(kind, effect, "", weighed.step, weighed.certain_place, names[k - 1], names[k], when[k],
+                  found=counts)  # fmt: skip
 
 
-def _of_column(
-    rows: Sequence[Row], days: Array, column: str, units: Mapping[str, str], prior: float
-) -> Change | None:
-    values = np.array([number_of(row.get(column)) for row in rows])
-    known = np.flatnonzero(np.isfinite(values))
-    weighed = weigh(days[known], values[known], prior) if len(known) else None
-    if weighed is None or weighed.step < TOLD:
-        return None
-    k, unit = weighed.place, units.get(column, "1")
-    kept = [rows[int(i)] for i in known]
-    first, second = (_mean(part, unit) for part in (values[known][:k], values[known][k:]))
-    effect = effect_of(column)
-    counts = (sum(effect in _model(r) for r in kept[:k]), k, sum(effect in _model(r) for r in kept[k:]),
-              len(kept) - k)  # fmt: skip
+def _of_column(rows: Sequence[Row], one: NumberCourse) -> Change:
+    k, effect = one.course.place, one.effect
+    by_name = {str(row["session"]): row for row in rows}
+    having = [effect in model_of(by_name[name]) for name in one.names]
+    counts = sum(having[:k]), k, sum(having[k:]), len(having) - k
+    first, second = one.estimate(one.course.first), one.estimate(one.course.last)
     grown = "grown" if abs(second.value) > abs(first.value) else "shrunk"
     kinds = {(False, True): "new", (True, False): "gone", (True, True): grown}
     sides = counts[0] > MOSTLY * counts[1], counts[2] > MOSTLY * counts[3]
-    return _change(kept, k, weighed, kinds.get(sides, "moved"), effect, column, counts, first, second)
-
-
-def _change(
-    rows: Sequence[Row], k: int, weighed: Weighed, kind: str, effect: str, column: str,
-    found: tuple[int, int, int, int], first: ParameterEstimate | None = None,
-    second: ParameterEstimate | None = None,
-) -> Change:  # fmt: skip
-    before, after = rows[k - 1], rows[k]
-    return Change(
-        kind, effect, column, weighed.step, weighed.certain_place, str(before["session"]),
-        str(after["session"]), str(after["created"]), first, second, found,
-    )  # fmt: skip
-
-
-def _mean(values: Array, unit: str) -> ParameterEstimate:
-    """Mean with its 90 % interval by Student's t."""
-    from scipy.stats import t
-
-    mean, n = float(values.mean()), len(values)
-    half = float(t.ppf(0.95, n - 1) * values.std(ddof=1) / math.sqrt(n))
-    return ParameterEstimate(mean, unit, mean - half, mean + half)
-
-
-def _model(row: Row) -> tuple[str, ...]:
-    return tuple(row.get("final_model") or ())
-
-
-def _strengths(rows: Sequence[Row]) -> list[str]:
-    """Columns of the strengths of effects that were in models."""
-    names = sorted({name for row in rows for name in row})
-    return [n for n in names if n.startswith("param.") and effect_of(n) and not n.endswith((".low", ".high"))]
-
-
-def effect_of(column: str) -> str:
-    """The effect whose strength a column holds; empty: none's."""
-    kind, _, rest = column.partition(".")
-    if kind == "alone" or (kind == "param" and "." in rest):
-        return rest.partition(".")[0]
-    return ""
+    kind = kinds.get(sides, "moved") if effect else "moved"
+    certain = float(one.course.places[k])
+    return Change(kind, effect, one.column, one.course.step, certain, one.names[k - 1], one.names[k],
+                  one.when[k], first, second, counts)  # fmt: skip

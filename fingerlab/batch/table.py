@@ -30,6 +30,7 @@ from fingerlab.core.text import ParameterEstimate
 from fingerlab.core.trust import OwnSource
 from fingerlab.diagnosis import diagnose
 from fingerlab.diagnosis.answer.results import Diagnosis
+from fingerlab.effects import find_effect
 from fingerlab.effects.own import only_these
 from fingerlab.sessions import Session, file_hash, open_session
 from fingerlab.sessions.model import Array
@@ -48,7 +49,7 @@ ALONE = (
     "motor_viscous_friction",
     "transport_delay",
 )
-"""Effects whose strength is kept for every session, found missing or not, so that it can be followed."""
+"""Effects whose strength is followed over time, found missing or not."""
 
 Row = dict[str, Any]
 
@@ -149,7 +150,8 @@ def _answer(result: Diagnosis) -> Row:
 def _parameters(result: Diagnosis) -> tuple[Row, dict[str, str]]:
     """Columns ``param.NAME`` of the final model, and ``alone.EFFECT.NAME`` of an effect with the given one.
 
-    Each with its 90 % interval as ``.low`` and ``.high``; and the units of these and of the errors.
+    Each with its 90 % interval as ``.low`` and ``.high``; and the units of these and of the errors. What an
+    effect would be alone is kept of every one, so that it has a strength in sessions that do not need it.
     """
     columns: Row = {}
     units: dict[str, str] = {}
@@ -165,9 +167,10 @@ def _parameters(result: Diagnosis) -> tuple[Row, dict[str, str]]:
         if key.split("@")[0] in MAIN_PARAMETERS or _effect_of(key) in result.final_model:
             keep(f"param.{key}", found)
     for candidate in result.candidates:
-        if candidate.effect in ALONE:
+        known = find_effect(candidate.effect)
+        if known is not None and not candidate.replaces:
             for name, found in candidate.parameters.items():
-                if not name.endswith("_deg"):
+                if name in known.unknowns or (candidate.effect in ALONE and not name.endswith("_deg")):
                     keep(f"alone.{candidate.effect}.{name}", found)
     return columns, units
 

@@ -5,16 +5,19 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import click
+from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from fingerlab.batch.changes import Change, changes
+from fingerlab.batch.benches import Group, SharedEffect, shared_effects, two_groups
+from fingerlab.batch.changes import Change, NumberCourse, beside, changes, courses
 from fingerlab.batch.run import BatchResult, locally, on_dask, run_batch
+from fingerlab.batch.settings import TOLD
 from fingerlab.batch.table import LEAST_TIMES, Contents, Options, Row, Trend, ageing_rows, recorded_at, trends
 from fingerlab.cli.common import (
     PATH,
@@ -25,11 +28,21 @@ from fingerlab.cli.common import (
     table_console,
     tell_own_effects,
     write_json,
+    write_text_safely,
 )
 from fingerlab.core.errors import UserError
+from fingerlab.core.files import refuse_taken
 from fingerlab.core.plain_data import json_ready
 from fingerlab.core.text import fixed, largest_of, score_text, screen_unit
 from fingerlab.report.comparison_words import change_sentence, not_shown_sentence, outcome_words, trend_cells
+from fingerlab.report.time_words import (
+    course_json,
+    course_sentence,
+    courses_csv,
+    shared_csv,
+    shared_json,
+    shared_sentence,
+)
 
 TOLD_FAILURES = 5
 """Failed sessions that are told one by one; the rest are in the table."""
@@ -48,6 +61,18 @@ TOLD_FAILURES = 5
 @added_option
 @click.option("--jobs", type=click.IntRange(min=1), metavar="N", help="Diagnoses at a time; all cores.")
 @click.option("--retry", is_flag=True, help="Try sessions again that could not be diagnosed.")
+@click.option(
+    "--between",
+    nargs=2,
+    metavar="A B",
+    help="Two benches, and what they share: folders below FOLDER, or patterns of names such as 'left-*'.",
+)
+@click.option(
+    "--over-time", "time_table", metavar="C.csv", type=PATH, help="Table of what became of each number."
+)
+@click.option(
+    "--shared", "shared_table", metavar="S.csv", type=PATH, help="With --between: table of effects."
+)
 @json_option
 def batch(
     folder: Path,
@@ -56,9 +81,15 @@ def batch(
     added: tuple[str, ...],
     jobs: int | None,
     retry: bool,
+    between: tuple[str, str] | None,
+    time_table: Path | None,
+    shared_table: Path | None,
     json_target: str | None,
 ) -> None:
     """Diagnose every session below FOLDER, and show how the bench changed over time.
+
+    Every number of the bench is told to be steady, to have changed at one moment, to wear, to settle, to warm
+    up or to be off in one session, with probabilities. With --between, of two benches apart.
 
     A table that is there already is continued: a session in it, with the same content, program and effects,
     is not diagnosed again. Stopped or killed, it goes on where it was when the same command is given again.
@@ -67,18 +98,60 @@ def batch(
         raise UserError(f"--out is {out}; the table is a Parquet file, so its name should end in .parquet.")
     if address is not None and jobs is not None:
         raise UserError("--jobs is for this machine alone; leave it out with --dask.")
+    if shared_table is not None and between is None:
+        raise UserError("--shared is the table of what two benches share; name them with --between A B.")
+    for path in (time_table, shared_table):
+        if path is not None:
+            refuse_taken(path)
     options = _options(added)
     runner = locally(jobs) if address is None else on_dask(address, folder.resolve())
     bar, report = progress_bar("Batch")
     with bar:
         result = run_batch(folder, out, options, runner, retry, report)
     _tell(result, out)
-    found = trends(result.contents.rows, result.contents.units)
-    changed = changes(result.contents.rows, result.contents.units)
+    contents = result.contents
+    found = trends(contents.rows, contents.units)
+    story = _story("", contents.rows, contents)
+    two = None if between is None else _two(contents, *between)
+    benches = [story] if two is None else [two.first, two.second]
+    if time_table is not None:
+        write_text_safely(time_table, courses_csv([(one.name, one.courses) for one in benches]))
+    if shared_table is not None and two is not None:
+        write_text_safely(shared_table, shared_csv(two.effects))
     if json_target is not None:
-        write_json(_batch_json(folder, out, result, found, changed), json_target)
+        write_json(_batch_json(folder, out, result, found, story, two), json_target)
     if json_target != "-":
-        _print_summary(result.contents, found, changed)
+        _print_summary(contents, found, story, two)
+
+
+@dataclass(frozen=True)
+class _Story:
+    """What became of one bench; without a name it is that of the whole folder."""
+
+    name: str
+    changes: list[Change]
+    courses: list[NumberCourse]
+
+
+@dataclass(frozen=True)
+class _Two:
+    """Two benches, each with its story, and the effects that any of them has."""
+
+    groups: tuple[Group, Group]
+    first: _Story
+    second: _Story
+    effects: list[SharedEffect]
+
+
+def _story(name: str, rows: Sequence[Row], contents: Contents) -> _Story:
+    told = courses(rows, contents.units)
+    return _Story(name, changes(rows, contents.units, told), told)
+
+
+def _two(contents: Contents, first: str, second: str) -> _Two:
+    groups = two_groups(contents.rows, first, second)
+    one, other = (_story(group.name, group.rows, contents) for group in groups)
+    return _Two(groups, one, other, shared_effects(*groups, contents.units))
 
 
 def _options(added: tuple[str, ...]) -> Options:
@@ -109,9 +182,10 @@ def _tell(result: BatchResult, out: Path) -> None:
 
 
 def _batch_json(
-    folder: Path, out: Path, result: BatchResult, found: list[Trend], changed: list[Change]
+    folder: Path, out: Path, result: BatchResult, found: list[Trend], story: _Story, two: _Two | None
 ) -> dict[str, Any]:
     rows = result.contents.rows
+    between = {} if two is None else {"between": _between_json(two)}
     return {
         "schema": 1,
         "folder": str(folder),
@@ -125,10 +199,26 @@ def _batch_json(
         "failed": len(result.failed),
         "verdicts": dict(Counter(row["verdict"] for row in rows if row["verdict"] is not None)),
         "trends": [vars(trend) | {"changes": trend.changes} for trend in found],
-        "changes": [json_ready(asdict(change)) for change in changed],
+        **_story_json(story),
+        **between,
         "units": dict(result.contents.units),
         "rows": list(rows),
     }
+
+
+def _story_json(story: _Story) -> dict[str, Any]:
+    return {
+        "changes": [json_ready(asdict(change)) for change in story.changes],
+        "over_time": [course_json(one) for one in story.courses],
+    }
+
+
+def _between_json(two: _Two) -> dict[str, Any]:
+    groups = [
+        {"name": group.name, "sessions": [row["session"] for row in group.rows], **_story_json(story)}
+        for group, story in zip(two.groups, (two.first, two.second), strict=True)
+    ]
+    return {"groups": groups, "effects": [shared_json(one, *two.groups) for one in two.effects]}
 
 
 SHOWN_SESSIONS = 30
@@ -148,7 +238,7 @@ NARROW = 100
 """On a terminal of fewer columns the sessions are listed without what is missing and without the delay."""
 
 
-def _print_summary(contents: Contents, found: Sequence[Trend], changed: Sequence[Change]) -> None:
+def _print_summary(contents: Contents, found: Sequence[Trend], story: _Story, two: _Two | None) -> None:
     """Everything that a person wants to see at once; the rest is in the table."""
     console = table_console()
     good = [row for row in contents.rows if not row["error"]]
@@ -171,14 +261,39 @@ def _print_summary(contents: Contents, found: Sequence[Trend], changed: Sequence
     else:
         times = len({row["created"] for row in ageing_rows(contents.rows)})
         console.print(Text(f"A trend needs sessions of {LEAST_TIMES} times at least; there are {times}."))
-    for change in changed:
-        console.print(Text(f"\n{change_sentence(change)}"))
+    if two is None:
+        _print_story(console, story)
+    else:
+        for one in (two.first, two.second):
+            console.print(Text(f"\n{one.name}", style="bold"))
+            _print_story(console, one)
+        console.print(Text("\nBoth", style="bold"))
+        for shared in two.effects:
+            console.print(Text(f"\n{shared_sentence(shared, *two.groups)}"))
+        if not two.effects:
+            console.print(Text("\nNo effect was found in any session of either."))
     console.print()
     for words, count in Counter(outcome_words(row) for row in good).most_common():
         console.print(Text(f"{count:5d}  {words}"))
     unseen = not_shown_sentence(good)
     if unseen:
         console.print(Text(f"\n{unseen}"))
+
+
+def _print_story(console: Console, story: _Story) -> None:
+    """What changed at one moment, then what did otherwise, then how many numbers stayed or tell nothing."""
+    for change in story.changes:
+        console.print(Text(f"\n{change_sentence(change)}"))
+    rest = beside(story.courses, story.changes)
+    for one in rest:
+        if one.course.chances["steady"] < TOLD:
+            console.print(Text(f"\n{course_sentence(one)}"))
+    steady = sum(one.course.told == "steady" for one in rest)
+    unsure = sum(one.course.told == "open" and one.course.chances["steady"] >= TOLD for one in rest)
+    if rest:
+        said = f"{counted(steady, 'number')} stayed as {'it was' if steady == 1 else 'they were'}"
+        more = f"; of {unsure} the sessions hardly tell" if unsure else ""
+        console.print(Text(f"\n{said}{more}.", style="dim"))
 
 
 def _sessions_table(rows: Sequence[Row], contents: Contents, narrow: bool) -> Table:

@@ -119,7 +119,7 @@ def diagnose(
     if json_target != "-":
         _print(result, _as_an_arc(opened[0]), budget)
         if laws is not None:
-            _print_laws(laws)
+            _print_laws(laws, result)
     drawn = None
     if figures is not None:
         from fingerlab.report.diagnosis_figures import diagnosis_figures
@@ -172,13 +172,13 @@ def _laws(kept: Reduction, result: Diagnosis) -> tuple[DraftLaw, ...]:
         return draft_laws(kept, result.last, result.fitted, best_first, Watch(report, None))
 
 
-def _print_laws(laws: Sequence[DraftLaw]) -> None:
+def _print_laws(laws: Sequence[DraftLaw], result: Diagnosis) -> None:
     from rich.text import Text
 
-    from fingerlab.diagnosis.draft.laws import NOTHING_DRAFTED
+    from fingerlab.diagnosis.draft.laws import nothing_drafted
 
     console = table_console()
-    console.print(Text(f"\n{'Drafted laws, best first:' if laws else NOTHING_DRAFTED}"))
+    console.print(Text(f"\n{'Drafted laws, best first:' if laws else nothing_drafted(result.last)}"))
     for number, law in enumerate(laws, 1):
         console.print(Text(f"{number}. {law.title}", style="bold"))
         console.print(Text(law.story))

@@ -533,6 +533,12 @@ DRAFT_TRAVELS_DEG = (0.7, 2.0, 6.0)
 """Travels over which something may turn round after a reversal, degrees; assumed."""
 DRAFT_MEMORIES_S = (0.1, 0.4, 1.6)
 """Times over which the past may count, s; assumed."""
+DRAFT_ENDS_DEG = (2.5, 5.0, 10.0)
+"""The last part of a joint's travel, degrees, in which an end may be met; assumed."""
+DRAFT_DELAYS_S = (0.01, 0.04, 0.16)
+"""Times by which channels may be late, s; assumed, up to the 0.16 s of the thesis."""
+DRAFT_LOOSE_N = 0.12
+"""Tension below which a cable may hang loose, N; as for cable_slack, and looked for about it."""
 DRAFT_LATE_S = 0.012
 """Time by which a damper makes a cable's stretch late, s; assumed: the middle of the catalogue's."""
 DRAFT_ORDERS = tuple(float(n) for n in (*range(4, 41, 2), *range(44, 61, 4)))
@@ -556,6 +562,8 @@ DRAFT_BEGINNINGS = 3
 """So many first terms are each followed to a law."""
 DRAFT_FACTORS = tuple(2.0 ** (k / 2) for k in range(-3, 4))
 """Times a term's travel, speed or time these are tried, in either sense."""
+DRAFT_FINE_FACTORS = tuple(tuple(2.0 ** (k / fine) for k in range(-3, 4)) for fine in (8, 32))
+"""... and times the best of these, twice: a stiff end of travel is told by tenths of a degree."""
 DRAFT_LAWS = 3
 """Laws that are shown, at most."""
 DRAFT_OWN_RANGE = 4.0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -68,6 +69,13 @@ def angle_error_terms(motion: Motion, gain: str, mcp: Array, pip: Array) -> list
         Term(Row.CABLE, f"{gain}_pip", -pip, "arm_pip"),
         *_misread_tip(motion, gain, mcp, pip),
     ]
+
+
+def misread(motion: Motion, gain: str, joint: str, error: Array) -> list[Term]:
+    """The same for an error (rad) of one measured angle, of joint ``mcp`` or ``pip``."""
+    errors = [error if joint == one else np.zeros_like(error) for one in ANGLES]
+    every = angle_error_terms(motion, gain, *errors)
+    return [replace(term, gain=gain) for term in every if term.gain == f"{gain}_{joint}"]
 
 
 def _slope(motion: Motion, joint: int, angle: int) -> Array:

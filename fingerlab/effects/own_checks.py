@@ -233,7 +233,7 @@ def _is_number(value: object) -> bool:
 def _check_columns(effect: Effect, where: str) -> None:
     """Every point of the grid on every probe, whole and cut short: the same terms each time."""
     for on_bench in (False, True) if effect.bench else (False,):
-        rows = (Row.BENCH,) if on_bench else (Row.MCP, Row.PIP, Row.CABLE)
+        rows = (Row.BENCH,) if on_bench else (Row.MCP, Row.PIP, Row.CABLE, Row.TIP)
         for shape in effect.shapes:
             seen: list[tuple[object, ...]] | None = None
             for motion in _probes(on_bench):

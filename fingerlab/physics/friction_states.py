@@ -10,9 +10,11 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
+import numpy.typing as npt
 
 from fingerlab.sessions.model import Array
 
+BoolArray = npt.NDArray[np.bool_]
 BLOCK = 32
 """Samples of a block."""
 FORGOTTEN = 1e-15
@@ -194,6 +196,12 @@ def first_order_lags(values: Array, time_constants: Sequence[float] | Array, sam
     drive[:, 0] = values[0]
     blocks = _blocked(drive)
     return _joined(_relaxed(np.repeat(keep[None], BLOCK, axis=0), blocks), len(values))
+
+
+def way_while(position: Array, holds: BoolArray) -> Array:
+    """How far a position has moved since a condition began to hold, (n,); zero where it does not."""
+    began = np.maximum.accumulate(np.where(holds, 0, np.arange(len(position))))
+    return np.asarray(position - position[began])
 
 
 def _relaxed(decay: Array, drive: Array) -> Array:

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 from fingerlab.core.plain_data import json_ready
 from fingerlab.core.progress import SILENT, Watch
 from fingerlab.core.text import (
+    ParameterEstimate,
     ScreenUnit,
     decimals_for,
     estimate_text,
@@ -226,6 +227,21 @@ def trend_cells(trend: Trend) -> tuple[str, str, str, str, str, str]:
 MOST_DECIMALS = 4
 
 
+def reads_as(first: ParameterEstimate | None, second: ParameterEstimate | None, from_nothing: bool) -> str:
+    """What a step is usually: ", as after damage ...".
+
+    Args:
+        first, second: the number before and after. from_nothing: it should be zero, as a friction.
+    """
+    if first is None or second is None:
+        return ""
+    if not from_nothing:
+        return ", as when a part is changed or a cable laid anew"
+    if abs(second.value) < abs(first.value):
+        return ", as after a repair, cleaning or lubrication"
+    return ", as after damage or with a new part"
+
+
 def change_sentence(change: Change) -> str:
     """What changed, between which sessions, and how sure that is."""
     when = f"Between {change.before} and {change.after} ({change.when[:10]})"
@@ -244,6 +260,9 @@ def change_sentence(change: Change) -> str:
         what = strength
     else:
         what = f"the same effect has {change.kind}, {title}: {strength}; {seen}"
+    what += reads_as(
+        change.first, change.second, bool(change.effect) or change.column.startswith("param.loss")
+    )
     many = len(change.others)
     others = f" With it moved {many} other number{'s' * (many > 1)}." if many else ""
     return f"{when} {what}. {sure}{others}"

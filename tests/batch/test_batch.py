@@ -107,11 +107,54 @@ def test_the_summary_tells_a_person_how_the_bench_ages(finished: Finished) -> No
     lines = told.splitlines()
     dates = [line[:10] for line in lines if line.startswith("2026-")]
     assert dates == ["2026-01-01", "2026-02-01", "2026-03-01", "2026-04-01"]
-    (offset,) = [line for line in lines if line.startswith("Cable offset, extension")]
+    offset, story = [line for line in lines if line.startswith("Cable offset, extension")]
+    assert story.startswith("Cable offset, extension grows steadily, from ")
     assert offset.split()[-2:] == ["*", "4"]
     end = max(number for number, line in enumerate(lines) if not line.strip())
     counted = [line for line in lines[end + 1 :] if line[:1].isdigit()]  # names of effects may wrap
     assert sum(int(line.split()[0]) for line in counted) == 4
+
+
+def test_what_became_of_each_number_is_in_the_json(finished: Finished) -> None:
+    courses = {one["column"]: one for one in finished.data["over_time"]}
+    offset = courses["param.offset@extension"]
+    assert (offset["told"], offset["unit"]) == ("wear", "m")
+    assert offset["size"]["value"] == pytest.approx(3e-3, rel=0.02)  # a millimetre a month, three months
+    assert offset["sessions"] == ["2026-0/m0.h5", "2026-1/m1.h5", "2026-0/m2.h5", "2026-1/m3.h5"]
+    assert sum(offset["chances"].values()) == pytest.approx(1.0)
+    assert courses["param.arm_mcp@extension"]["told"] in ("steady", "open")
+    assert offset["sentence"] in " ".join(finished.called.stdout.split())
+
+
+def test_two_benches_are_told_apart_and_beside_one_another(
+    finished: Finished, bench: Path, tmp_path: Path
+) -> None:
+    """No session is diagnosed again: the tables are made of those that are there."""
+    tables = "--over-time", tmp_path / "C.csv", "--shared", tmp_path / "S.csv"
+    done = call(bench, "--out", finished.table, "--between", "2026-0", "2026-1", *tables, "--json", "-")
+    assert done.exit_code == 0, done.output
+    told = json.loads(done.stdout)
+    assert told["done"] == 0
+    between = told["between"]
+    assert [group["sessions"] for group in between["groups"]] == [
+        ["2026-0/m0.h5", "2026-0/m2.h5"], ["2026-1/m1.h5", "2026-1/m3.h5"],
+    ]  # fmt: skip
+    assert [one["effect"] for one in between["effects"]] == sorted(
+        {name for row in told["rows"] for name in row["final_model"] or ()}
+    )
+    assert (tmp_path / "C.csv").read_text(encoding="utf-8").startswith("bench,column,unit,sessions,told,")
+    assert (tmp_path / "S.csv").read_text(encoding="utf-8").startswith("effect,told,same,differs,first,")
+    again = call(bench, "--out", finished.table, "--between", "2026-0", "2026-1")
+    assert "2026-0\n" in again.stdout
+    assert "\nBoth\n" in again.stdout
+    refused = call(bench, "--out", finished.table, "--between", "2026-0", "nowhere").exception
+    assert isinstance(refused, UserError)
+    assert "No session with a verdict and a time is in 'nowhere'" in str(refused)
+    alone = call(bench, "--out", finished.table, "--shared", tmp_path / "other.csv").exception
+    assert isinstance(alone, UserError)
+    assert "name them with --between A B" in str(alone)
+    taken = call(bench, "--out", finished.table, "--over-time", tmp_path / "C.csv").exception
+    assert isinstance(taken, UserError)
 
 
 def test_the_summary_fits_a_terminal(

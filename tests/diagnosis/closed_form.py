@@ -8,7 +8,7 @@ is a closed form too. Everything in SI units.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -287,6 +287,20 @@ def _record(
     return Run.from_arrays(
         channels, name=name, phase="on_air" if force is None else "contact",
         cable="flexion" if sign > 0 else "extension", sample_rate_hz=RATE, trajectory=trajectory,
+    )  # fmt: skip
+
+
+def with_motor_torque(run: Run, law: Callable[[Array], Array]) -> Run:
+    """The run with a motor torque (N m) by a law of its speed (rad/s).
+
+    The command is the pulley's angle without noise, so that it tells the speed.
+    """
+    channels = run.load()
+    speed = np.gradient(channels["motor_command"], 1.0 / run.sample_rate_hz)
+    channels["motor_torque"] = channels["motor_torque"] + law(speed)
+    return Run.from_arrays(
+        channels, name=run.name, phase=run.phase, cable=run.cable, sample_rate_hz=run.sample_rate_hz,
+        trajectory=run.trajectory,
     )  # fmt: skip
 
 

@@ -21,30 +21,25 @@ from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.effects import CATALOGUE, Effect, own
 from fingerlab.effects.own_checks import _probes
 from fingerlab.sessions import SessionWriter
-from fingerlab.sessions.model import Run, Session
+from fingerlab.sessions.model import Array, Session
 from tests.cli.calling import run_command
 
 from . import closed_form as made
 
 TORQUE_PER_AMPERE = made.RIG.motor.torque_constant * made.RIG.motor.gear_ratio
+TRAVEL = {"mcp": (-0.2, 0.9), "pip": (-0.3, 1.1)}  # rad
 DRAG = 2.0e-3  # N m (s/rad)^2, of the motor
 
 
-def with_drag(run: Run) -> Run:
-    """The run with a motor torque by the square of speed; the command is the pulley's angle without noise."""
-    channels = run.load()
-    speed = np.gradient(channels["motor_command"], 1.0 / run.sample_rate_hz)
-    channels["motor_torque"] = channels["motor_torque"] + DRAG * speed * np.abs(speed)
-    return Run.from_arrays(
-        channels, name=run.name, phase=run.phase, cable=run.cable, sample_rate_hz=run.sample_rate_hz,
-        trajectory=run.trajectory,
-    )  # fmt: skip
+def drag(speed: Array) -> Array:
+    """A motor torque, N m, by the square of its speed, rad/s."""
+    return DRAG * speed * np.abs(speed)
 
 
 @pytest.fixture(scope="module")
 def planted() -> Session:
     plain = made.session(made.Bench(), 1, contact=0)
-    return replace(plain, runs=tuple(with_drag(run) for run in plain.runs[:5]))
+    return replace(plain, runs=tuple(made.with_motor_torque(run, drag) for run in plain.runs[:5]))
 
 
 def drafted(session: Session) -> tuple[DraftLaw, ...]:
@@ -100,7 +95,7 @@ def one_term(term: DraftTerm) -> DraftLaw:
 
 
 def test_the_file_of_every_term_computes_what_was_fitted() -> None:
-    terms = list(library(True, True, True, (4.0,), 1.0))
+    terms = list(library(TRAVEL, True, True, (4.0,), 1.0, 1.0))
     assert len({term.id for term in terms}) == len(terms) > 150
     probes = {on_bench: _probes(on_bench)[-2:] for on_bench in (False, True)}
     places = set[str]()

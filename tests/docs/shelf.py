@@ -9,6 +9,7 @@ from datetime import UTC, datetime, tzinfo
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -126,6 +127,11 @@ def fill(shelf: Path) -> None:
     shutil.copy(ROOT / "docs" / "own_effect_example.py", shelf / "my-effects")
     (shelf / "recordings").mkdir()
     shutil.copy(shelf / "session.h5", shelf / "recordings")
+    for bench in ("left", "right"):  # the same runs, so that they are diagnosed once
+        (shelf / "benches" / bench).mkdir(parents=True)
+        shutil.copy(shelf / "session.h5", shelf / "benches" / bench)
+        with h5py.File(shelf / "benches" / bench / "session.h5", "r+") as file:
+            file.attrs["title"] = bench
     _axis(shelf / "axis.csv")
     _steps(shelf / "steps.txt", [(9.81 * 0.1 * k + 5.317) / 11.194 for k in range(11)])
     _steps(shelf / "angles.txt", [2.5 + angle / 40.0 for angle in (0.0, 30.0, 60.0, 90.0)])

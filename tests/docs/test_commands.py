@@ -10,6 +10,7 @@ from pathlib import Path
 import click
 import pytest
 
+import fingerlab.batch.run
 import fingerlab.batch.table
 import fingerlab.diagnosis
 import fingerlab.prediction
@@ -51,6 +52,7 @@ RUN_ELSEWHERE = {
     "python -m tests.faults.sensors": ("tests/faults/test_sensors.py", "try_once(lie, seed)"),
     "python -m tests.hidden.axis": ("tests/hidden/test_axis.py", "baselines(open_session(path))"),
     "python -m tests.hidden.dirt": ("tests/hidden/test_dirt.py", "dirt.WAYS[way](machine)"),
+    "python -m tests.hidden.changes": ("tests/hidden/test_changes.py", "changes.figures(entries)"),
     "python -m tests.hidden.draft_laws": ("tests/hidden/test_draft_laws.py", "draft_laws.figures(entries)"),
     "python -m tests.hidden.wrong_additions": (
         *("tests/hidden/test_wrong_additions.py", "wrong_additions.figures(entries)"),
@@ -87,6 +89,8 @@ def shelf(tmp_path_factory: pytest.TempPathFactory, patched: pytest.MonkeyPatch)
     diagnose = Remembered(fingerlab.diagnosis.diagnose, whole=True)
     for module in (fingerlab.diagnosis, fingerlab.batch.table):
         patched.setattr(module, "diagnose", diagnose)
+    # In this process, which remembers.
+    patched.setattr("fingerlab.cli.batch.locally", lambda jobs: fingerlab.batch.run.locally(1))
     fit = Remembered(fingerlab.prediction.fit_extended)
     for module in (fingerlab.prediction, fingerlab.report.content):
         patched.setattr(module, "fit_extended", fit)

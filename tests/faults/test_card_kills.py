@@ -8,8 +8,11 @@ from pathlib import Path
 import pytest
 
 from tests.faults.killing import kill_once
-from tests.faults.killing_checks import NotSoFar, kill_check
+from tests.faults.killing_checks import Kill, NotSoFar, kill_check
 from tests.faults.live_card import Served, served
+
+TRIES = 12
+"""Checks until one is not stopped before by a control loop that came late (assumed)."""
 
 
 @pytest.fixture(scope="module")
@@ -30,17 +33,22 @@ def test_the_card_is_told_zero_whoever_dies(tmp_path: Path, card: Served, victim
     assert outcome.wrong == 0
 
 
+def killed_in(card: Served, step: str, how: str) -> Kill:
+    """The first of some checks that comes as far as ``step``; a busy machine stops many on its own."""
+    for _ in range(TRIES):
+        try:
+            return kill_check(card, step, how, 0.3)
+        except NotSoFar:
+            continue
+    pytest.fail(f"{TRIES} checks in turn ended before '{step}', though nobody killed them.")
+
+
 @pytest.mark.parametrize(
     ("step", "how"),
     [("drive", "SIGKILL"), ("drive", "SIGTERM"), ("drive, line low", "SIGKILL"), ("output", "SIGTERM")],
 )
 def test_a_check_that_is_killed_leaves_no_set_value(card: Served, step: str, how: str) -> None:
-    for _ in range(5):
-        try:
-            kill = kill_check(card, step, how, 0.3)
-            break
-        except NotSoFar:
-            continue
+    kill = killed_in(card, step, how)
     assert kill.driven
     assert kill.enabled is (step == "drive")
     assert kill.zero

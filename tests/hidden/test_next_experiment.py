@@ -25,12 +25,10 @@ def run(*arguments: str | Path) -> Any:
 OPEN = {
     "motor_inertia": ("motor_inertia=x0.7818", 102),
     "joint_coupling": ("joint_coupling=x0.7005", 104),
-    "asymmetric_friction": ("asymmetric_friction=x0.7065", 101),
 }
 """Effects that one sine of 1 Hz leaves open: as ``simulate`` takes them, and the seed of the bench.
 
-Beside joint coupling that is not in the model the tip seems to stick; with it, it slides. The last one is
-told by the motor alone, where no finger's losses can hide a constant torque.
+Beside joint coupling that is not in the model the tip seems to stick; with it, it slides.
 """
 
 

@@ -54,7 +54,7 @@ def _own_effects(stage: Stage) -> None:
 
 def _drafted(stage: Stage) -> None:
     dialog = DraftDialog(stage.tab("model_lab").pages)
-    dialog.show_laws([invented_law()])
+    dialog.show_laws([invented_law()], None)
     dialog.show()
 
 
@@ -388,7 +388,7 @@ DIALOGS = (
     Surface(
         "Two sessions run by run",
         (_run_by_run,),
-        ("sessions/trend_dialog.py:PairsDialog",),
+        ("sessions/pairs_dialog.py:PairsDialog",),
         "sessions",
     ),
     Surface(

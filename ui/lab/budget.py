@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QComboBox, QDialog, QDialogButtonBox, QLabel, QWidget
+from PySide6.QtWidgets import QComboBox, QDialog, QDialogButtonBox, QHeaderView, QLabel, QWidget
 
 from fingerlab.core.text import fixed, with_minus
 from fingerlab.diagnosis.answer.results import Diagnosis
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
     from fingerlab.diagnosis.answer.results import Budget
 
-WIDTH, HEIGHT = 900, 640
+WIDTH, HEIGHT = 1040, 700
 THICK = 0.62
 """Of a row, that its bar takes."""
 NAME_ROOM = 16
@@ -145,7 +145,7 @@ class BudgetDialog(QDialog):
         close.rejected.connect(self.reject)
         top = hbox(None, label, self.family, 1, spacing=8)
         self.hint = remark("Each bar begins where the one above it ends. Ctrl+C copies the table.")
-        vbox(self, self.words, top, (self.plot, 3), (self.table, 2), self.hint, close, spacing=8)
+        vbox(self, self.words, top, (self.plot, 1), (self.table, 1), self.hint, close, spacing=8)
 
     def show_diagnosis(self, diagnosis: Diagnosis) -> None:
         """The parts of another model's errors."""
@@ -182,3 +182,5 @@ class BudgetDialog(QDialog):
                 if item is not None:
                     item.setTextAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
                     item.setToolTip(lines[row].how if column else lines[row].help)
+        self.table.setWordWrap(True)  # what mends it is read whole
+        self.table.verticalHeader().setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)

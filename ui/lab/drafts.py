@@ -14,8 +14,11 @@ from .evidence import FingerprintPlot
 
 if TYPE_CHECKING:
     from fingerlab.diagnosis.draft.laws import DraftLaw
+    from fingerlab.diagnosis.score.fitted_model import FittedModel
 
 WIDTH, HEIGHT = 900, 640
+ROOM = 4
+"""Below the last law of the list, px."""
 ABOUT = (
     "Points: what the model misses, with 90 % intervals; line: what the whole law tells of it. A law is a "
     "description until it holds on runs that it was not drafted from."
@@ -48,17 +51,17 @@ class DraftDialog(QDialog):
         close.rejected.connect(self.reject)
         vbox(
             self,
-            (self.list, 1),
-            (self.plot, 3),
+            self.list,
+            (self.plot, 1),
             self.words,
             self.hint,
             hbox(None, self.own, 1, close, spacing=8),
             spacing=8,
         )
 
-    def show_laws(self, laws: Sequence[DraftLaw]) -> None:
-        """Other laws, or none."""
-        from fingerlab.diagnosis.draft.laws import NOTHING_DRAFTED
+    def show_laws(self, laws: Sequence[DraftLaw], last: FittedModel | None) -> None:
+        """Other laws, or none; ``last``: the model that they stand beside."""
+        from fingerlab.diagnosis.draft.laws import nothing_drafted
 
         self._laws = tuple(laws)
         self.list.clear()
@@ -66,8 +69,11 @@ class DraftDialog(QDialog):
             self.list.addItem(f"{number}. {law.title} ({law.score_before:.2f} to {law.score:.2f} floors)")
         for part in (self.list, self.plot, self.hint, self.own):
             part.setVisible(bool(self._laws))
-        self.words.setText("" if self._laws else NOTHING_DRAFTED)
+        self.words.setText("" if self._laws else nothing_drafted(last))
         self.list.setCurrentRow(0)
+        rows = sum(self.list.sizeHintForRow(row) for row in range(self.list.count()))
+        self.list.setFixedHeight(rows + 2 * self.list.frameWidth() + ROOM)
+        self.resize(WIDTH, HEIGHT if self._laws else 0)  # a sentence alone needs no more than its lines
 
     @property
     def chosen(self) -> DraftLaw | None:

@@ -254,7 +254,8 @@ class ModelLabTab(Tab):
             dialog = DraftDialog(self.pages)
             dialog.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
             dialog.own_asked.connect(self.write_drafted_effect)
-            dialog.show_laws(laws)
+            diagnosis = self.controller.diagnosis
+            dialog.show_laws(laws, None if diagnosis is None else diagnosis.last)
             dialog.show()
 
         self.controller.draft(show)

@@ -32,8 +32,9 @@ if TYPE_CHECKING:
     from fingerlab.batch.run import BatchResult
     from fingerlab.signals.run_pairs import SessionPair
 
+    from .pairs_dialog import PairsDialog
     from .review_page import ReviewPage
-    from .trend_dialog import PairsDialog, TrendDialog
+    from .trend_dialog import TrendDialog
 
 
 @dataclass(frozen=True)
@@ -495,7 +496,7 @@ class SessionsTab(Tab):
 
     def show_pair(self, found: SessionPair) -> None:
         """Show two sessions that were compared run by run."""
-        from .trend_dialog import PairsDialog
+        from .pairs_dialog import PairsDialog
 
         if self._pairs is None:
             self._pairs = PairsDialog(self.widget)

@@ -10,15 +10,15 @@ from threadpoolctl import threadpool_limits
 
 from fingerlab.core.errors import UserError
 from fingerlab.core.progress import SILENT, Watch
-from fingerlab.core.text import ParameterEstimate, estimate_text
+from fingerlab.core.text import ParameterEstimate, estimate_text, percent, score_text
+from fingerlab.diagnosis.answer.curves import Display
 from fingerlab.diagnosis.answer.results import Fingerprint
-from fingerlab.diagnosis.draft.curves import seen_and_drafted
 from fingerlab.diagnosis.draft.search import Draft, Law, draft
-from fingerlab.diagnosis.draft.terms import PLACES, DraftTerm
+from fingerlab.diagnosis.draft.terms import ANGLE, PAIRED, PLACES, DraftTerm
 from fingerlab.diagnosis.fit.data import temperature
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.score.fitted_model import FittedModel
-from fingerlab.diagnosis.settings import Z90
+from fingerlab.diagnosis.settings import DRAFT_LEAST, DRAFT_LEAST_SHARE, Z90
 
 
 @dataclass(frozen=True)
@@ -44,11 +44,9 @@ class LawTerm:
     def sentence(self) -> str:
         """Where it acts and with what coefficients."""
         said = [estimate_text(one) for one in self.coefficients.values()]
-        each = (
-            " (MCP) and ".join(said) + " (PIP)"
-            if self.place == "joints" and len(said) == 2
-            else ", ".join(said)
-        )
+        each, half = ", ".join(said), len(said) // 2
+        if self.place in PAIRED:
+            each = f"{', '.join(said[:half])} (MCP) and {', '.join(said[half:])} (PIP)"
         return f"{self.where}: {each} times {self.words}"
 
 
@@ -160,14 +158,30 @@ def draft_laws(
     models = [last] if last.effect_ids == given.effect_ids else [last, given]
     with threadpool_limits(limits=1, user_api="blas"):
         found = draft(reduction, models, candidates, watch)
-        seen = [seen_and_drafted(reduction, law) if with_curves else None for law in found.laws]
+        seen = [_seen_and_drafted(reduction, law) if with_curves else None for law in found.laws]
     each = zip(found.laws, seen, strict=True)
     return tuple(replace(_told(found, law), fingerprint=curve) for law, curve in each)
 
 
-NOTHING_DRAFTED = (
-    "No law is drafted: the last model leaves what every bench does, or no few terms explain enough of it."
-)
+def nothing_drafted(last: FittedModel | None) -> str:
+    """Why no law is drafted beside the last model of a path."""
+    score = 1.0 if last is None else last.score
+    left = f"No law is drafted: the last model leaves {score_text(score)} floors"
+    if score**2 - 1.0 <= DRAFT_LEAST:
+        return f"{left}, no more than a bench does that misses nothing."
+    return (
+        f"{left}, but no term of the library explains {percent(DRAFT_LEAST_SHARE, True)} of their square "
+        "on runs left out."
+    )
+
+
+def _seen_and_drafted(reduction: Reduction, law: Law) -> Fingerprint | None:
+    """The remainder binned over what the law's first term is seen against, and the whole law's own curve."""
+    display = Display()
+    reduced = law.scorer.reduced
+    reduction.shown(reduced.layout.effects, display.keep)
+    first = law.fitted.choices[len(law.base.choices)].effect
+    return display.fingerprint_between(reduced, first, law.base, law.fitted)
 
 
 def _told(found: Draft, law: Law) -> DraftLaw:
@@ -205,6 +219,9 @@ def _term(law: Law, term: DraftTerm) -> LawTerm:
 
 KINDS: tuple[tuple[tuple[str, ...], str, str], ...] = (
     (("motor phase",), "repeats with the motor", "teeth, poles or a gear that runs out"),
+    (("end of travel",), "begins near an end of the travel", "a stop, or parts that meet there"),
+    (("slack",), "acts while there is hardly any tension", "a cable that hangs loose"),
+    (("lateness",), "comes late", "channels that are sampled or filtered later than the motor's"),
     (("past",), "remembers the past", "something that creeps, warms or lags"),
     (
         ("way since reversal",),
@@ -224,21 +241,24 @@ KINDS: tuple[tuple[tuple[str, ...], str, str], ...] = (
     ),
     (("time",), "changes over time", "drift or warming"),
 )
-"""Variables, what a law that depends on them does, and what does so."""
+"""Variables, what a law that depends on them does, and what does so; what comes first says more."""
+SENSOR = "a sensor that reads false: its magnet off the axis, its calibration, its warming"
+"""What an error of a reading looks like, whatever it depends on but lateness."""
 
 
 def cause(terms: Iterable[LawTerm]) -> str:
     """A sentence on what kind of cause a law looks like, by its first term before the others."""
     first, *others = terms
-    does, looks = _kinds(first.variables)
-    more = [say for term in others for say in _kinds(term.variables)[0] if say not in does]
+    does, looks = _kinds(first)
+    more = [say for term in others for say in _kinds(term)[0] if say not in does]
     sentence = f"The first term {_joined(does)}: it looks like {looks}."
     return f"{sentence} Further terms: {_joined(list(dict.fromkeys(more)))}." if more else sentence
 
 
-def _kinds(variables: Sequence[str]) -> tuple[list[str], str]:
-    found = [(say, looks) for which, say, looks in KINDS if set(which) & set(variables)]
-    return [say for say, _ in found], found[0][1]
+def _kinds(term: LawTerm) -> tuple[list[str], str]:
+    found = [(say, looks) for which, say, looks in KINDS if set(which) & set(term.variables)]
+    false = PLACES[term.place].unit == ANGLE and "lateness" not in term.variables
+    return [say for say, _ in found], SENSOR if false else found[0][1]
 
 
 def _joined(words: Sequence[str]) -> str:

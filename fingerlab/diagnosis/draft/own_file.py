@@ -10,15 +10,17 @@ from string import Template
 
 from fingerlab.core.text import estimate_text
 from fingerlab.diagnosis.draft.laws import DraftLaw, LawTerm
-from fingerlab.diagnosis.draft.terms import PLACES
+from fingerlab.diagnosis.draft.terms import PAIRED, PLACES
 from fingerlab.diagnosis.settings import DRAFT_OWN_RANGE
 from fingerlab.effects.own import own_name
 
 IMPORTS = {
+    "misread": "from fingerlab.effects.joints import misread",
     "sideways_terms": "from fingerlab.effects.joints import sideways_terms",
     "dahl_states": "from fingerlab.physics.friction_states import dahl_states",
     "first_order_lags": "from fingerlab.physics.friction_states import first_order_lags",
     "friction_state": "from fingerlab.physics.friction_states import friction_state",
+    "way_while": "from fingerlab.physics.friction_states import way_while",
     "rubbing_forces": "from fingerlab.physics.friction_states import rubbing_forces",
 }
 """What an expression of the library may need beyond numpy and the motion."""
@@ -80,7 +82,7 @@ def _found(law: DraftLaw) -> Iterator[str]:
 
 def _gain(number: int, term: LawTerm, gain: str) -> str:
     """Name of a coefficient in the file."""
-    joint = gain.rsplit("_", 1)[-1] if term.place == "joints" else ""
+    joint = gain.rsplit("_", 1)[-1] if term.place in PAIRED else ""
     part = gain.split("_")[0].removeprefix("c")
     name = f"c{number}" + (f"_part{part}" if part else "")
     return f"{name}_{joint}" if joint else name
@@ -91,10 +93,11 @@ def _gains(law: DraftLaw) -> Iterator[tuple[str, int, str]]:
     for number, term in enumerate(law.terms, 1):
         flags = ", varies_between_runs=True" if term.term.varies else ""
         flags += ", holds_at_rest=True" if term.term.friction else ""
+        words = dict(zip(term.term.gains, term.term.part_words, strict=True))
         for gain, estimate in term.coefficients.items():
             value = term.reduced[gain]  # ranges are those of a machine of the thesis' size
             low, high = sorted((0.0, DRAFT_OWN_RANGE * value))
-            name, said = _gain(number, term, gain), f"coefficient of the {term.words}"
+            name, said = _gain(number, term, gain), f"coefficient of the {words[gain]}"
             yield (
                 name,
                 number,
@@ -154,6 +157,8 @@ def _terms(law: DraftLaw, term: LawTerm, alone: bool = False) -> Iterator[str]:
             for row in ("MCP", "PIP"):
                 yield f'Term(Row.{row}, "{name}", {value} / motion.radius)'
             yield f'Term(Row.CABLE, "{name}", {value} / motion.radius, "compliance")'
+        elif place in PAIRED["sensors"]:
+            yield f'*misread(motion, "{name}", "{place.removeprefix("sensor_")}", {value})'
         elif place == "tip":
             yield f'*sideways_terms(motion, "{name}", {value})'
         elif place == "cell":

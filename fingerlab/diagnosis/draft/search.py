@@ -25,6 +25,7 @@ from fingerlab.diagnosis.search.next_effect import ScoreTest, climb_grid
 from fingerlab.diagnosis.settings import (
     DRAFT_BEGINNINGS,
     DRAFT_FACTORS,
+    DRAFT_FINE_FACTORS,
     DRAFT_FRONT,
     DRAFT_LAWS,
     DRAFT_LEAST,
@@ -39,6 +40,7 @@ from fingerlab.diagnosis.settings import (
 from fingerlab.effects import effect
 from fingerlab.effects.base import Effect
 from fingerlab.physics.motion import Motion, strongest_orders
+from fingerlab.sessions.model import Array
 
 
 @dataclass(frozen=True)
@@ -105,9 +107,9 @@ class Remainder:
     def laws(self) -> list[Terms]:
         """Laws from several beginnings, as they come."""
         found = []
-        for number, (term, fitted) in enumerate(self._promising(Terms((), self.base))[:DRAFT_BEGINNINGS]):
-            self._watch.tell(number / DRAFT_BEGINNINGS, f"drafting a law with {term.words}")
-            law = self._shortened(self._grown(Terms((term,), fitted)))
+        for number, begun in enumerate(self._promising(Terms((), self.base))[:DRAFT_BEGINNINGS]):
+            self._watch.tell(number / DRAFT_BEGINNINGS, f"drafting a law with {begun.terms[0].words}")
+            law = self._shortened(self._grown(begun))
             if self.base.misfit - law.fitted.misfit >= least_fall(self.base):
                 found.append(law)
         return found
@@ -165,8 +167,8 @@ class Remainder:
         self._terms = {i: term for i, term in self._terms.items() if term in self._as_effects}
         return [self._as_effects[term] for term in every.values() if term in self._as_effects]
 
-    def _promising(self, law: Terms) -> list[tuple[DraftTerm, FittedModel]]:
-        """The law with one more term each, those that leave least on held-out runs first."""
+    def _promising(self, law: Terms) -> list[Terms]:
+        """The law with one more term each, its number about where it fits best; what leaves least first."""
         known = {term.id for term in law.terms}
         scorer = self.scorer
         if any(term.number for term in law.terms):
@@ -175,8 +177,10 @@ class Remainder:
         test = ScoreTest(scorer.data, here)
         gains = {t: test.gain(self._effect(t), 0) for t in self._terms.values() if t.id not in known}
         front = sorted(gains, key=lambda t: -gains[t])[:DRAFT_FRONT]
-        tried = [(t, self._with(scorer, here, t)) for t in front]
-        return sorted(tried, key=lambda one: one[1].misfit)
+        tried = [Terms((*law.terms, t), self._with(scorer, here, t)) for t in front]
+        return sorted(
+            (self._refined(one, (DRAFT_FACTORS,)) for one in tried), key=lambda one: one.fitted.misfit
+        )
 
     def _with(self, scorer: Scorer, fitted: FittedModel, term: DraftTerm) -> FittedModel:
         choices = [*fitted.choices, Choice(self._effect(term))]
@@ -184,37 +188,44 @@ class Remainder:
 
     def _grown(self, law: Terms) -> Terms:
         """The law, while each further term explains enough of what is left."""
-        law = self._refined(law)
+        law = self._refined(law, DRAFT_FINE_FACTORS)
         while len(law.terms) < DRAFT_TERMS and law.fitted.misfit > DRAFT_LEAST_FALL * law.fitted.count:
             found = self._promising(law)
-            if not found or law.fitted.misfit - found[0][1].misfit < least_fall(law.fitted):
+            if not found or law.fitted.misfit - found[0].fitted.misfit < least_fall(law.fitted):
                 break
-            law = self._refined(Terms((*law.terms, found[0][0]), found[0][1]))
+            law = self._refined(found[0], DRAFT_FINE_FACTORS)
         return law
 
-    def _refined(self, law: Terms) -> Terms:
-        """The law with the number of its last term where it fits best."""
+    def _refined(self, law: Terms, passes: Sequence[Sequence[float]]) -> Terms:
+        """The law with the number of its last term where it fits best, of some factors in turn."""
         *others, last = law.terms
         if not last.number:
             return law
         sharp = (0.0, 1.0) if any("¤" in part.code for part in last.parts) else (0.0,)
-        shapes = [
-            {"number": last.number * factor, "sharpness": s} for factor, s in product(DRAFT_FACTORS, sharp)
-        ]
-        tried = replace(self._effect(last), shapes=tuple(shapes))
-        scorer = self._scorer([*(self._effect(t) for t in others), tried])
-        before = law.fitted.choices[:-1]
-        fits = [
-            scorer.fit_same_law([*before, Choice(tried, i)], law.fitted, SCREEN_ITERATIONS)
-            for i in range(len(shapes))
-        ]
-        best = shapes[min(range(len(fits)), key=lambda i: fits[i].fit.cost)]
-        term = replace(last, **best)
+        term = last
+        for factors in passes:
+            term = self._best_of(law, term, factors, sharp)
         if term == last:
             return law
+        before = law.fitted.choices[:-1]
         scorer = self._scorer([*(self._effect(t) for t in others), self._effect(term)])
         fitted = self._with(scorer, scorer.fit(before, law.fitted, FULL_ITERATIONS), term)
         return Terms((*others, term), fitted) if fitted.misfit < law.fitted.misfit else law
+
+    def _best_of(
+        self, law: Terms, term: DraftTerm, factors: Sequence[float], sharp: Sequence[float]
+    ) -> DraftTerm:
+        """``term`` in place of a law's last one, with its number times the factor that fits best."""
+        near = [replace(term, number=term.number * f, sharpness=s) for f, s in product(factors, sharp)]
+        shapes = tuple({"number": one.number, "sharpness": one.sharpness} for one in near)
+        tried = replace(self._effect(term), shapes=shapes)
+        scorer = self._scorer([*map(self._effect, law.terms[:-1]), tried])
+        before = law.fitted.choices[:-1]
+        fits = [
+            scorer.fit_same_law([*before, Choice(tried, i)], law.fitted, SCREEN_ITERATIONS)
+            for i in range(len(near))
+        ]
+        return near[min(range(len(fits)), key=lambda i: fits[i].fit.cost)]
 
     def _shortened(self, law: Terms) -> Terms:
         """The law without needless terms."""
@@ -236,11 +247,21 @@ class Remainder:
 
 def _offered(reduction: Reduction, motions: Sequence[Motion]) -> list[DraftTerm]:
     """The terms for the kinds of runs that there are."""
-    joints = any(m.joints is not None for m in motions)
+    turned = [m.joints for m in motions if m.joints is not None]
+    travel = {
+        "mcp": _travel([joints.mcp for joints in turned]), "pip": _travel([joints.pip for joints in turned]),
+    } if turned else None  # fmt: skip
     alone = [m for m in motions if m.joints is None]
-    orders = strongest_orders(alone) if alone and not joints else DRAFT_ORDERS
+    orders = strongest_orders(alone) if alone and not turned else DRAFT_ORDERS
     contact = any(m.force is not None for m in motions)
-    return list(library(joints, contact, bool(alone), orders, reduction.scales.of("s")))
+    return list(
+        library(travel, contact, bool(alone), orders, reduction.scales.of("s"), reduction.scales.of("N"))
+    )
+
+
+def _travel(angles: Sequence[Array]) -> tuple[float, float]:
+    """Least and largest angle, rad."""
+    return min(float(one.min()) for one in angles), max(float(one.max()) for one in angles)
 
 
 def least_fall(fitted: FittedModel) -> float:

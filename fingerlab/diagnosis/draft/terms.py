@@ -18,12 +18,13 @@ import numpy as np
 from fingerlab.diagnosis.settings import DRAFT_RANGE, STATE_RIDGE
 from fingerlab.diagnosis.signals.scales import Scales
 from fingerlab.effects.base import Effect, Row, Scale, Shape, Term
-from fingerlab.effects.joints import lateral_levers
+from fingerlab.effects.joints import lateral_levers, misread
 from fingerlab.physics.friction_states import (
     dahl_states,
     first_order_lags,
     friction_state,
     rubbing_forces,
+    way_while,
 )
 from fingerlab.physics.motion import Motion
 from fingerlab.physics.parameter import Parameter
@@ -51,6 +52,7 @@ class Place:
 
 
 TORQUE: Powers = {"N": 1, "m": 1}
+ANGLE: Powers = {"rad": 1}
 PLACES: Mapping[str, Place] = {
     "mcp": Place("torque at the MCP joint", TORQUE, "joint_torque", Row.MCP, r"\tau_1"),
     "pip": Place("torque at the PIP joint", TORQUE, "joint_torque", Row.PIP, r"\tau_2"),
@@ -60,7 +62,12 @@ PLACES: Mapping[str, Place] = {
     "cable": Place("length of cable", {"m": 1}, "cable_kinematics", Row.CABLE, "x"),
     "tip": Place("force across the load cell", {"N": 1}, "endpoint_force", Row.PIP, "F_t"),
     "cell": Place("force on the load cell", {"N": 1}, "endpoint_force", Row.PIP, "F_n"),
+    "sensor_mcp": Place("reading of the MCP angle", ANGLE, "cable_kinematics", Row.CABLE, "e_1"),
+    "sensor_pip": Place("reading of the PIP angle", ANGLE, "cable_kinematics", Row.CABLE, "e_2"),
+    "sensors": Place("reading of both joint angles", ANGLE, "cable_kinematics", Row.CABLE, "e_j"),
 }
+PAIRED = {"joints": ("mcp", "pip"), "sensors": ("sensor_mcp", "sensor_pip")}
+"""Places that are two: a term there has a coefficient of its own in either."""
 
 
 @dataclass(frozen=True)
@@ -111,13 +118,18 @@ class DraftTerm:
     @property
     def words(self) -> str:
         """The same for a person, in SI."""
-        said = " and ".join(dict.fromkeys(part.words for part in self.parts))
-        return said.replace("§", f"{self.number * self.size:.2g}")
+        return " and ".join(dict.fromkeys(self.part_words))
+
+    @property
+    def part_words(self) -> tuple[str, ...]:
+        """... of each of its parts."""
+        number = f"{self.number * self.size:.2g}"
+        return tuple(part.words.replace("§", number) for part in self.parts)
 
     @property
     def gains(self) -> tuple[str, ...]:
         """Names of its coefficients, one a part."""
-        if self.place == "joints":
+        if self.place in PAIRED:
             count = len(self.parts) // 2
             names = ("c",) if count == 1 else tuple(f"c{k + 1}" for k in range(count))
             return tuple(f"{name}_{joint}" for joint in ("mcp", "pip") for name in names)
@@ -137,10 +149,11 @@ class DraftTerm:
 VARIABLES = (
     "joint speed", "joint angle", "other joint", "joint acceleration", "motor speed", "motor angle",
     "motor acceleration", "direction", "way since reversal", "tension", "load", "force", "time", "past",
-    "motor phase", "gravity",
+    "motor phase", "gravity", "lateness", "end of travel", "slack",
 )  # fmt: skip
 """What a law may depend on. ``other joint``: that whose torque it is not. ``past``: what was before, over a
-time. ``load``: the known load of a motor bench."""
+time. ``load``: the known load of a motor bench. ``lateness``: by how much a channel changes over a time.
+``slack``: tension so low that the cable may hang loose."""
 
 
 def ratio(over: Powers, under: Powers) -> str:
@@ -177,6 +190,7 @@ def signals(motion: Motion) -> dict[str, Any]:
         "first_order_lags": first_order_lags,
         "friction_state": friction_state,
         "rubbing_forces": rubbing_forces,
+        "way_while": way_while,
     }
 
 
@@ -223,6 +237,8 @@ def placed(place: str, gain: str, values: Array, motion: Motion) -> list[Term]:
         return [Term(row, gain, pull, scale) for row, scale in scales]
     if place == "tip":
         return [Term(t.row, gain, values * t.values, "joint") for t in lateral_levers(motion, gain)]
+    if place in PAIRED["sensors"]:
+        return misread(motion, gain, place.removeprefix("sensor_"), values)
     if place == "cell":
         levers = zip((Row.MCP, Row.PIP), motion.contact_levers, strict=True)
         return [Term(row, gain, values * lever, "joint") for row, lever in levers]
@@ -282,11 +298,19 @@ def _size(place: str, motions: Sequence[Motion]) -> float:
         inner = slice(motion.lead, None)
         if place == "cable":
             found.append(motion.radius * float(np.std(motion.position[inner])))
+        elif PLACES[place].unit == ANGLE:
+            found.append(_turned(motion))
         elif place in ("tip", "cell"):
             found.append(0.0 if motion.force is None else _rms(motion.force[inner]))
         else:
             found.append(_rms(motion.torque[inner]))
     return max(found)
+
+
+def _turned(motion: Motion) -> float:
+    """How far the joints turn, root mean square, rad."""
+    _, joints = motion.finger_and_joints
+    return max(float(np.std(angle[motion.lead :])) for angle in (joints.mcp, joints.pip))
 
 
 def _rms(values: Array) -> float:

@@ -145,12 +145,15 @@ class Scorer:
         return self._fit(choices, "slides" if like is None else like.model.tip_law, like, iterations, weights)
 
     def with_best_law(self, fitted: FittedModel, iterations: int) -> FittedModel:
-        """The model, or the same under another law of the tip if that fits better."""
+        """The model, or the same under another law of the tip if that is likelier.
+
+        Not by its cost: a law through which more of the recordings is noise leaves less, and less than nothing.
+        """
         if not any(g.in_contact for g in self.reduced.groups):
             return fitted
         laws = [law for law in TIP_LAWS if law != fitted.model.tip_law]
         others = [self._fit(fitted.choices, law, fitted, iterations) for law in laws]
-        return min([fitted, *others], key=lambda one: one.fit.cost)
+        return min([fitted, *others], key=self.deviance)
 
     def _fit(
         self,

@@ -10,12 +10,14 @@ from fingerlab.diagnosis.draft.laws import DraftLaw, LawTerm, cause
 from fingerlab.diagnosis.draft.library import library
 from fingerlab.diagnosis.draft.terms import PLACES
 
+TRAVEL = {"mcp": (-0.2, 0.9), "pip": (-0.3, 1.1)}  # rad
+
 
 def invented_law(
     name: str = "draft_motor_speed_squared", size: float = 2e-3, score: float = 1.04
 ) -> DraftLaw:
     """One term of the library with a coefficient, and what is seen of it."""
-    term = next(one for one in library(True, True, False, (4.0,), 1.0) if one.id == name)
+    term = next(one for one in library(TRAVEL, True, False, (4.0,), 1.0, 1.0) if one.id == name)
     found = {gain: ParameterEstimate(size, unit, 0.9 * size, 1.1 * size)
              for gain, unit in zip(term.gains, term.units, strict=True)}  # fmt: skip
     told = LawTerm(

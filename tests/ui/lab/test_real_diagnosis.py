@@ -11,9 +11,10 @@ from pytestqt.qtbot import QtBot
 
 from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.twin.effects import parse_effects
-from fingerlab.twin.protocols import PROTOCOLS, load_preset
+from fingerlab.twin.protocols import load_preset
 from fingerlab.twin.session import write_session
 from fingerlab.ui.lab.truth import HeldOutTable
+from tests.diagnosis.test_no_alarm import shortened
 
 from ..hands import child, click, drop, lab_of
 
@@ -22,11 +23,10 @@ PATIENCE = 120_000
 
 @pytest.fixture(scope="module")
 def simulated(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A session of the simulated rig with joint friction; the twin shares no formula with the diagnosis."""
+    """Short runs of the simulated rig with joint friction; the twin shares no formula with the diagnosis."""
     path = tmp_path_factory.mktemp("twin") / "friction.h5"
     preset = load_preset()
-    plans = PROTOCOLS["rich"](preset.numbers["protocol"]["contact_amplitude_deg"])
-    write_session(path, preset, "rich", plans, parse_effects(("coulomb_friction",)), seed=3)
+    write_session(path, preset, "rich", shortened(), parse_effects(("coulomb_friction",)), seed=3)
     return path
 
 
@@ -85,10 +85,6 @@ def told_by_motion(table: HeldOutTable, before: Diagnosis, after: Diagnosis) -> 
 
 def test_simulated_friction_is_found_and_added(qtbot: QtBot, make_window, simulated: Path) -> None:  # type: ignore[no-untyped-def]
     work_through(qtbot, make_window(), simulated, "coulomb_friction")
-
-
-def test_recorded_friction_is_found_and_added(qtbot: QtBot, make_window, shared_data: Path) -> None:  # type: ignore[no-untyped-def]
-    work_through(qtbot, make_window(), shared_data / "bench-coulomb.h5", "coulomb_friction")
 
 
 def test_cancelling_the_real_diagnosis_stops_it(qtbot: QtBot, make_window, simulated: Path) -> None:  # type: ignore[no-untyped-def]

@@ -9,6 +9,7 @@ from typing import Any
 
 import h5py
 import numpy as np
+import pyqtgraph as pg
 import pytest
 from PySide6.QtCore import QPointF, Qt
 from PySide6.QtTest import QTest
@@ -138,8 +139,10 @@ def test_the_trend_names_the_day_on_which_an_effect_came(
     assert "\n" not in said
     table = child(tab.widget, QTableWidget, "trendTable")
     cells = {table.item(r, 0).text(): [table.item(r, c).text() for c in range(7)] for r in range(4)}
-    assert cells["MCP friction, Coulomb"][6] == "> 99 %"
-    assert cells["Delay"][6] == "–"  # it drifts, by 0.1 ms a day: 3.04 ms a month of 30.44 days
+    assert cells["MCP friction, Coulomb"][6] == "new effect > 99 %"
+    assert (
+        cells["Delay"][6] == "wear > 99 %, with another"
+    )  # it drifts, by 0.1 ms a day: 3.04 ms a month of 30.44 days
     assert float(cells["Delay"][3]) == pytest.approx(3.04, abs=0.1)
     dialog = tab._trend
     assert dialog is not None
@@ -156,6 +159,68 @@ def test_the_trend_names_the_day_on_which_an_effect_came(
     row = next(r for r in range(4) if table.item(r, 0).text() == "Delay")
     QTest.mouseClick(table.viewport(), LEFT, pos=table.visualItemRect(table.item(row, 0)).center())
     assert dialog.plot.trend.column == "alone.transport_delay.delay"
+    QTest.keyClick(dialog, Qt.Key.Key_Escape)
+
+
+def test_the_course_of_the_chosen_number_is_marked_and_said_below_the_plot(
+    qtbot: QtBot, make_window, make_session, tmp_path: Path
+) -> None:  # type: ignore[no-untyped-def]
+    make_session("day-5.h5", phases=(("on_air", "extension"),))
+    units = {"alone.coulomb_friction.coulomb_mcp": "N m", "alone.transport_delay.delay": "s"}
+    rows = tuple(day(number) for number in range(10))
+    write_table(tmp_path / "verdicts.parquet", Contents(str(tmp_path.resolve()), (), rows, units))
+    tab = browsing(qtbot, make_window, tmp_path, 1)
+    click(tab.widget, "showTrend")
+    dialog = tab._trend
+    said = child(tab.widget, QLabel, "courseWords")
+    assert "came up from nothing to 2.0" in said.text()
+    items = dialog.plot.getPlotItem().items
+    (gap,) = [item for item in items if isinstance(item, pg.LinearRegionItem)]
+    assert gap.getRegion() == (4.0, 5.0)  # between the fourth and the fifth day
+    bands = [item for item in items if isinstance(item, pg.FillBetweenItem)]
+    after = bands[1].curves[0].getData()[1]
+    assert after == pytest.approx(2.0, abs=0.3)  # mN m
+    table = child(tab.widget, QTableWidget, "trendTable")
+    row = next(r for r in range(4) if table.item(r, 0).text() == "Delay")
+    QTest.mouseClick(table.viewport(), LEFT, pos=table.visualItemRect(table.item(row, 0)).center())
+    assert said.text().startswith("Delay grows steadily, from ")
+    assert not [i for i in dialog.plot.getPlotItem().items if isinstance(i, pg.LinearRegionItem)]
+    QTest.keyClick(dialog, Qt.Key.Key_Escape)
+
+
+def test_two_benches_side_by_side(qtbot: QtBot, make_window, make_session, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    """Ten days of a bench in one folder, of which the last five have friction; the same again in another."""
+    make_session("day-5.h5", phases=(("on_air", "extension"),))
+    rows = []
+    for bench in ("left", "right"):
+        for number in range(5, 9) if bench == "left" else range(4):
+            one = day(number)
+            strength = "alone.coulomb_friction.coulomb_mcp"
+            ends = {end: one[strength] + by for end, by in (("", 0.0), (".low", -2e-4), (".high", 2e-4))}
+            one |= {f"{strength}{end}": value for end, value in ends.items()}
+            if bench == "left":
+                one |= {f"param.coulomb_friction.coulomb_mcp{end}": value for end, value in ends.items()}
+            rows.append(one | {"session": f"{bench}/{one['session']}", "sha256": f"{bench}{number}"})
+    units = {"param.coulomb_friction.coulomb_mcp": "N m"}
+    write_table(tmp_path / "verdicts.parquet", Contents(str(tmp_path.resolve()), (), tuple(rows), units))
+    tab = browsing(qtbot, make_window, tmp_path, 1)
+    click(tab.widget, "showTrend")
+    dialog = tab._trend
+    bar = dialog.pages.tabBar()
+    QTest.mouseClick(bar, LEFT, pos=bar.tabRect(1).center())
+    assert dialog.benches.isVisible()
+    assert (dialog.benches.first.currentText(), dialog.benches.second.currentText()) == ("left", "right")
+    said = child(tab.widget, QLabel, "sharedWords")
+    assert said.text().startswith("Coulomb joint friction is on left only: ")
+    table = child(tab.widget, QTableWidget, "sharedTable")
+    assert table.item(0, 1).text() == "first only"
+    line = dialog.benches.second.lineEdit()
+    line.selectAll()
+    QTest.keyClicks(line, "middle")
+    QTest.keyClick(line, Qt.Key.Key_Return)
+    assert said.text().startswith("No session with a verdict and a time is in 'middle'")
+    assert not table.isVisible()
+    assert dialog.isVisible()  # Return compared, and closed nothing
     QTest.keyClick(dialog, Qt.Key.Key_Escape)
 
 

@@ -1,0 +1,123 @@
+"""The strength of an effect in every session, found there or not, and what is known of a number beforehand.
+
+A session in whose last model an effect stands tells its strength in that model. One whose model needs
+nothing tells the strength of the effect fitted alone. One whose model holds others, and needs no more, tells
+that there is none of it, to within the interval of the effect fitted alone: what it would take up by itself
+belongs to the others. One that cannot tell the effect from those of its model tells nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from functools import cache
+
+import numpy as np
+
+from fingerlab.batch.laws import Z90, Prior
+from fingerlab.batch.table import Row, number_of
+from fingerlab.diagnosis.equations.parameters import nuisance_ranges
+from fingerlab.effects import find_effect
+from fingerlab.physics.parameter import Parameter
+from fingerlab.rig.file import default_rig
+from fingerlab.sessions.model import Array
+
+DELAY = "transport_delay"
+"""Its strength is followed as it is fitted alone: nothing else takes it up."""
+
+
+def model_of(row: Row) -> tuple[str, ...]:
+    """Effects of the last model of a session."""
+    return tuple(row.get("final_model") or ())
+
+
+def found_effects(rows: Sequence[Row]) -> list[str]:
+    """Effects that were found in any session, by id."""
+    return sorted({str(name) for row in rows for name in model_of(row)})
+
+
+def effect_of(column: str) -> str:
+    """The effect whose strength a column holds; empty: none's."""
+    kind, _, rest = column.partition(".")
+    if kind == "alone" or (kind == "param" and "." in rest):
+        return rest.partition(".")[0]
+    return ""
+
+
+def strength_columns(effect: str, rows: Sequence[Row]) -> list[str]:
+    """Columns that hold how strong an effect is, in rows of :func:`with_strengths`."""
+    if effect == DELAY:
+        names = {f"alone.{effect}.delay"}
+    else:
+        start = f"param.{effect}."
+        names = {name for row in rows for name in row if name.startswith(start)}
+        one = find_effect(effect)
+        if one is not None:
+            names = {name for name in names if name.removeprefix(start) in one.gains}
+    return sorted(n for n in names if not n.endswith((".low", ".high")) and any(n in row for row in rows))
+
+
+def with_strengths(rows: Iterable[Row]) -> list[Row]:
+    """The rows with ``param.EFFECT.GAIN`` in every session that tells it, for effects found in any."""
+    every = list(rows)
+    wanted = {
+        name.removesuffix(".low"): None
+        for row in every
+        for name in row
+        if name.startswith("param.") and name.endswith(".low") and effect_of(name.removesuffix(".low"))
+    }
+    return [{**row, **dict(_filled(row, wanted))} for row in every]
+
+
+def _filled(row: Row, columns: Iterable[str]) -> Iterator[tuple[str, float]]:
+    model = model_of(row)
+    for column in columns:
+        effect = effect_of(column)
+        alone = f"alone.{effect}.{column.rpartition('.')[2]}"
+        if effect in model or column in row or alone not in row:
+            continue
+        if not model:
+            yield from ((column + end, number_of(row.get(alone + end))) for end in ("", ".low", ".high"))
+        elif effect not in (row.get("set") or ()):
+            half = Z90 * error_of(row, alone)
+            yield from ((column, 0.0), (column + ".low", -half), (column + ".high", half))
+
+
+def error_of(row: Row, column: str) -> float:
+    """Standard error of a number from its 90 % interval, of which a bound may cut one side; NaN: unknown."""
+    value, low, high = (number_of(row.get(column + end)) for end in ("", ".low", ".high"))
+    half = max(high - value, value - low)
+    return half / Z90 if math.isfinite(half) and half > 0 else math.nan
+
+
+def series(rows: Sequence[Row], column: str) -> tuple[list[int], Array, Array]:
+    """Places among the rows of those that have a number, and its values and errors there, (k,)."""
+    values = np.array([number_of(row.get(column)) for row in rows])
+    known = [int(i) for i in np.flatnonzero(np.isfinite(values))]
+    return known, values[known], np.array([error_of(rows[i], column) for i in known])
+
+
+def prior_of(column: str, values: Array, change: float = 0.5) -> Prior:
+    """What is known of a column's number beforehand: where it is usually, and what of it would matter.
+
+    From the effect's own parameters or those that every model carries; what is in neither has the size of
+    its ``values``.
+    """
+    effect, name = effect_of(column), column.rpartition(".")[2]
+    one = _parameter(effect, name)
+    if one is None:
+        return Prior(0.0, float(np.max(np.abs(values), initial=0.0)) or 1.0, False, change)
+    return Prior(one.default, one.typical, bool(effect), change)
+
+
+@cache
+def _every_model() -> dict[str, Parameter]:
+    return dict(nuisance_ranges(default_rig()))
+
+
+def _parameter(effect: str, name: str) -> Parameter | None:
+    if not effect:
+        ranges = _every_model()
+        return ranges.get(name.partition("@")[0])
+    known = find_effect(effect)
+    return None if known is None else known.unknowns.get(name)
