@@ -76,15 +76,15 @@ def test_from_the_entry_to_the_result(
     assert rig_words(bench).startswith("8 runs")
     bench.click("runProtocol")
     assert answer(bench, qtbot).startswith("Fix the flexion cable")
-    torques = bench.tab.torques
-    qtbot.waitUntil(torques.isVisible, timeout=PATIENCE)
+    torques, prompt = bench.tab.torques, bench.tab.prompt
+    qtbot.waitUntil(lambda: torques.isVisible() and prompt.isVisible(), timeout=PATIENCE)
     asked = bench.label("prompt")
     assert asked.startswith("Look at the torque to come: nominal ")
     assert "the rig allows 370 mN m" in asked  # 0.95 of 3 A at 0.13 N m/A: the default limits
     assert not bench.bench.status().enabled
     assert set(torques.torque.plans) == {"nominal", "found"}
     assert not bench.tab.plots.isVisible()
-    QTest.mouseClick(bench.tab.prompt.button, LEFT)
+    QTest.mouseClick(prompt.button, LEFT)
     assert bench.tab.plots.isVisible()
     qtbot.waitUntil(lambda: bool(shown(bench)), timeout=PATIENCE)
     dialog = shown(bench)[0]
@@ -105,7 +105,8 @@ def test_stop_while_the_torque_is_shown_and_what_a_session_without_a_trial_says(
     set_up(bench, model, monkeypatch)
     bench.click("runProtocol")
     answer(bench, qtbot)
-    qtbot.waitUntil(bench.tab.torques.isVisible, timeout=PATIENCE)
+    torques, prompt = bench.tab.torques, bench.tab.prompt
+    qtbot.waitUntil(lambda: torques.isVisible() and prompt.isVisible(), timeout=PATIENCE)
     bench.key(Qt.Key.Key_Escape)
     qtbot.waitUntil(lambda: not bench.recording.in_protocol, timeout=PATIENCE)
     bench.wait_idle()
