@@ -81,9 +81,11 @@ def _wrong(folder: Path) -> Iterator[str]:
 
 
 def _feed_forward(folder: Path) -> Iterator[str]:
-    _, rows = table(folder / "feed-forward.md", "what", "figure")
-    for what, figure, *_ in rows:
-        yield _line(f"a wanted force, {what}", figure, "feed-forward.md", "Feed-forward")
+    head, rows = table(folder / "feed-forward.md", "what")
+    for bench, *figures in zip(head[1:], *(row[1:] for row in rows), strict=True):
+        for (what, *_), figure in zip(rows, figures, strict=True):
+            if what.startswith("found / nominal") or what.startswith("worse"):
+                yield _line(f"a wanted force, {what}: {bench}", figure, "feed-forward.md", "Feed-forward")
 
 
 def _drafted(folder: Path) -> Iterator[str]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 
 import click
@@ -16,9 +15,8 @@ from fingerlab.cli.common import (
     write_results,
 )
 from fingerlab.core.plain_data import json_ready
-from fingerlab.core.text import number
-from fingerlab.prediction.trial import CAUSES, ModelForce, Trial, analyse_trial, trial_json
-from fingerlab.report.trial_words import foretold_sentence, rest_sentence, trial_sentence
+from fingerlab.prediction.trial import CAUSES, Trial, analyse_trial, trial_json
+from fingerlab.report.trial import result_sentences, trial_row
 from fingerlab.sessions import open_session
 
 
@@ -38,7 +36,7 @@ def trial(session_file: Path, figures: Path | None, json_target: str | None) -> 
         _print(found, session_file.name)
     drawn = None
     if figures is not None:
-        from fingerlab.report.trial_figures import trial_figures
+        from fingerlab.report.trial import trial_figures
 
         drawn = (trial_figures(found), figures)
     write_results(json_ready(trial_json(found)), json_target, None, drawn)
@@ -46,31 +44,14 @@ def trial(session_file: Path, figures: Path | None, json_target: str | None) -> 
 
 def _print(found: Trial, name: str) -> None:
     console = table_console()
-    models = [one for one in (found.nominal, found.found) if one is not None]
-    table = result_table(
-        *("model", ">runs", ">error, rms (mN)", ">foretold (mN)", ">largest (mN)", ">run to run (mN)"),
-        title=f"{name}: force wanted and measured",
-        padding=(0, 1, 0, 0),
-    )
-    for model in models:
-        table.add_row(*_row(model))
-    console.print(table)
+    rows = [trial_row(one) for one in (found.nominal, found.found) if one is not None]
+    columns = ("model", ">runs", ">error, rms (mN)", ">foretold (mN)", ">largest (mN)", ">run to run (mN)")
+    table = result_table(*columns, title=f"{name}: force wanted and measured", padding=(0, 1, 0, 0))
     causes = result_table("model", *(f">{cause}" for cause in CAUSES), title="The squared error by cause (%)")
-    for model in models:
-        causes.add_row(model.model, *(number(100.0 * model.parts[cause], 0) for cause in CAUSES))
+    for row in rows:
+        table.add_row(*row[: len(columns)])
+        causes.add_row(row[0], *row[len(columns) :])
+    console.print(table)
     console.print(causes)
-    for sentence in (trial_sentence(found), foretold_sentence(found), *map(rest_sentence, models[-1:])):
-        if sentence:
-            console.print(sentence, soft_wrap=True)
-
-
-def _row(model: ModelForce) -> list[str]:
-    foretold = number(1e3 * model.foretold_rms, 1) if math.isfinite(model.foretold_rms) else "–"
-    return [
-        model.model,
-        str(len(model.runs)),
-        number(1e3 * model.rms, 1),
-        foretold,
-        number(1e3 * model.peak, 1),
-        number(1e3 * model.repeatability, 1) if len(model.runs) > 1 else "–",
-    ]
+    for sentence in result_sentences(found):
+        console.print(sentence, soft_wrap=True)

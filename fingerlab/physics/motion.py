@@ -54,6 +54,7 @@ class Motion:
     force: Array | None = None
     load: Array | None = None
     lead: int = 0  # samples at the start that only set the memory of what has one; no equation counts there
+    leans_from: int = 0  # sample from which on the share of rubbing that is left to a lean is taken
     position_step: float = 0.0  # of the motor's encoder, rad
     inertia_spread: float = 0.0  # of the rotor's inertia, one standard deviation, kg m^2
     intervention: Intervention | None = None  # what is known to be otherwise; None: no run of these has one
@@ -170,7 +171,8 @@ class Motion:
             return np.zeros((len(stiffnesses), len(self.time)))
         normal = np.maximum(self.force, 0.0)
         values = rubbing_forces(normal, normal, stiffnesses)
-        shares = values.sum(axis=1) / max(float(normal.sum()), 1e-3)
+        counted = slice(self.leans_from, None)
+        shares = values[:, counted].sum(axis=1) / max(float(normal[counted].sum()), 1e-3)
         return np.asarray(values - shares[:, None] * normal)
 
     def pressed_by(self, force: Array, rubbing: Motion) -> Motion:

@@ -40,6 +40,8 @@ RISE_S = 1.5
 POINTS_PER_S = 50.0
 CLOSE_N = 1e-5
 MOST_STEPS = 20
+STEEPER = np.log(5.0)
+"""Of the slope from torque to force: by so much it may differ from the one at first (assumed)."""
 FIRST_TORQUES = (0.02, 0.06)
 """N m; where the secant method begins. Any two do for an equation that is a straight line."""
 
@@ -186,20 +188,25 @@ def _by_variant(
 
 
 def solved_torque(
-    predicted: Callable[[Array], Array], force: Array, where: str, newton: float, missed_n: float = CLOSE_N
+    predicted: Callable[[Array], Array],
+    force: Array,
+    where: str,
+    newton: float,
+    missed_n: float = CLOSE_N,
+    first: int = 0,
 ) -> tuple[Array, Array]:
     """Torque whose prediction is ``force``, and what a unit of torque adds to the force; in reduced units.
 
     Args:
         newton: how many a reduced one has. missed_n: by how much the force may be missed, N, where nothing
-            closer is found.
+            closer is found. first: sample from which on it has to be met.
 
     Raises:
         UserError: no torque presses with that force.
     """
     before, torque = (np.full_like(force, value) for value in FIRST_TORQUES)
     last, now = predicted(before), predicted(torque)
-    slope = (now - last) / (torque - before)
+    slope = begun = (now - last) / (torque - before)
     for _ in range(MOST_STEPS):
         if not (np.isfinite(slope).all() and np.abs(slope).min() > 0.0):
             raise UserError(
@@ -207,17 +214,21 @@ def solved_torque(
                 "the fingertip; choose another contact run."
             )
         missed = force - now
-        if np.abs(missed).max() < CLOSE_N:
+        if np.abs(missed)[first:].max() < CLOSE_N:
             return torque, slope
         before, torque = torque, torque + missed / slope
         last, now = now, predicted(torque)
         moved = np.abs(torque - before) > 1e-12
-        slope = np.where(moved, (now - last) / np.where(moved, torque - before, 1.0), slope)
-    if np.abs(force - now).max() * newton < missed_n:
+        anew = (now - last) / np.where(moved, torque - before, 1.0)
+        # Beside a kink, or where friction hangs on the samples around, a small step tells no slope.
+        told = moved & (anew * begun > 0.0) & (np.abs(np.log(np.abs(anew / begun) + 1e-300)) < STEEPER)
+        slope = np.where(told, anew, slope)
+    missing = newton * float(np.max(np.nan_to_num(np.abs(force - now)[first:], nan=np.inf)))
+    if missing < missed_n:
         return torque, slope
     raise UserError(
         f"By {where} no torque was found whose force is the wanted one to {newton * CLOSE_N:g} N "
-        f"({newton * np.abs(force - now).max():.3g} N are missing); choose a smaller or slower force."
+        f"({missing:.3g} N are missing); choose a smaller or slower force."
     )
 
 

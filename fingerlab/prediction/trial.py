@@ -17,12 +17,14 @@ import numpy as np
 from fingerlab.core.errors import UserError
 from fingerlab.diagnosis.settings import WIDE_RATE_HZ
 from fingerlab.prediction.extended import LEVEL
-from fingerlab.prediction.feed_forward import FOUND, NOMINAL, smooth
+from fingerlab.prediction.feed_forward import FOUND, NOMINAL, smooth, thinned
 from fingerlab.prediction.target import WantedForce
 from fingerlab.sessions.model import Array, Run, Session
 
 FORCE_TRIAL, FORCE_MODEL, WANTED_FORCE = "force_trial", "force_model", "wanted_force"
 """Attributes: of the session, what was asked for; of a run, which model sent it and what was wanted."""
+FOUND_SHARE = "found_share"
+"""Attribute of a run: how far from the nominal torque to the found one its torque goes, 0 to 1."""
 POSE, PRACTICE = "pose", "practice"
 """Runs that only learn."""
 EDGE_S = 0.1
@@ -69,12 +71,9 @@ def force_error(run: Run, wanted: WantedForce, lead_s: float | None = None) -> F
     time, force = read["time"] - lead, read["endpoint_force"]
     if not np.isfinite(force).all():
         raise UserError(f"Run {run.name} has no load cell's reading throughout; a force error needs it.")
-    # Low-passed at the recording's rate before it is thinned: the cell's noise is white up to there.
     grid = np.arange(time[0], time[-1], 1.0 / WIDE_RATE_HZ)
-    every = max(1, round(run.sample_rate_hz / WIDE_RATE_HZ))
-    box = np.ones(every) / every
-    mean = np.convolve(np.pad(force, (every // 2, every - 1 - every // 2), mode="edge"), box, mode="valid")
-    smoothed, asked = smooth(np.interp(grid, time, mean)), smooth(np.interp(grid, wanted.time, wanted.force))
+    smoothed = thinned(time, force, grid, run.sample_rate_hz)
+    asked = smooth(np.interp(grid, wanted.time, wanted.force))
     kept = (grid >= EDGE_S) & (grid <= wanted.time[-1] - EDGE_S)
     return ForceError(grid[kept], asked[kept], smoothed[kept])
 
@@ -118,6 +117,7 @@ class Trial:
         ratio: force error (rms) of the found model over the nominal one's; NaN without both.
         low, high: its 90 % interval; NaN with fewer than two pairs.
         foretold_ratio: as the found model foretold it.
+        found_share: how far from the nominal torque to the found one was gone, 0 to 1; NaN without either.
     """
 
     model_file: str
@@ -128,6 +128,7 @@ class Trial:
     low: float
     high: float
     foretold_ratio: float
+    found_share: float = math.nan
 
 
 def analyse_trial(session: Session) -> Trial:
@@ -157,7 +158,15 @@ def analyse_trial(session: Session) -> Trial:
             [run.error.rms for run in nominal.runs[:pairs]], [run.error.rms for run in found.runs[:pairs]]
         )
     effects = tuple(str(one) for one in told.get("effects", ()))
-    return Trial(str(told.get("model", "")), effects, nominal, found, ratio, low, high, foretold)
+    shares = [_share(run) for run in session.runs if run.attributes.get(FORCE_MODEL) == FOUND]
+    share = shares[0] if shares else math.nan
+    return Trial(str(told.get("model", "")), effects, nominal, found, ratio, low, high, foretold, share)
+
+
+def _share(run: Run) -> float:
+    """Of a run of an earlier version, which went all the way, 1."""
+    told = run.attributes.get(FOUND_SHARE, 1.0)
+    return float(told) if isinstance(told, int | float) else math.nan
 
 
 def _run(run: Run, session: Session) -> TrialRun:
@@ -277,5 +286,6 @@ def trial_json(trial: Trial) -> dict[str, Any]:
     return {
         "schema": 1, "model": trial.model_file, "effects": list(trial.effects), "unit": "N",
         "nominal": of(trial.nominal), "found": of(trial.found),
+        "found_share": trial.found_share,
         "ratio": {"value": trial.ratio, "interval": interval, "foretold": trial.foretold_ratio},
     }  # fmt: skip

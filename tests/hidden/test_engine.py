@@ -6,6 +6,7 @@ not the project's equations.
 
 from __future__ import annotations
 
+import json
 import math
 from pathlib import Path
 
@@ -176,3 +177,33 @@ def test_blind_diagnosis_of_the_second_engine(effect: str | None, seed: int, tmp
         assert trial.score < 1.3, trial.line()  # 1 is the floor: signs and constants are understood alike
     else:
         assert trial.verdict == "missing_effect", trial.line()
+
+
+def test_the_bench_is_driven_as_a_device_of_one_s_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An ampere winds the flexion cable: the fingertip presses, and lets go where it is made safe."""
+    from fingerlab.devices.choosing import own_device
+    from fingerlab.rig.file import parse_rig
+    from tests.hidden.engine import own_device as file
+
+    monkeypatch.setenv(file.VARIABLE, json.dumps({"effects": {"coulomb_friction": 0.002}, "seed": 3}))
+    daq = parse_rig(file.rig_text(), "the engine's rig").daq
+    device = own_device(Path(file.__file__), daq.rate_hz)
+    device.open()
+    device.start()
+    device.set_enable(True)
+    for ampere in np.linspace(0.0, 1.0, 400):
+        sample = device.exchange(daq.command.volts(float(ampere)))
+    for _ in range(400):
+        sample = device.exchange(daq.command.volts(1.0))
+    force, mcp, pip, current = (
+        float(line.quantity(volts)) for line, volts in zip(daq.inputs, sample.raw, strict=False)
+    )
+    assert force > 0.3  # N
+    assert current == pytest.approx(1.0, abs=0.1)  # A; its noise is 0.02
+    assert (mcp, pip) == pytest.approx((0.40, 0.36), abs=0.1)  # rad: where the load cell stands
+    assert sample.raw[4] > 0.0  # counts
+    assert device.make_safe()
+    device.start()
+    for _ in range(300):
+        sample = device.exchange(0.0)
+    assert abs(float(daq.load_cell.quantity(sample.raw[0]))) < 0.1

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,13 +14,12 @@ from click.testing import CliRunner
 
 from fingerlab.cli.main import cli
 from fingerlab.core.errors import UserError
-from fingerlab.models.file import write_model
-from fingerlab.prediction import fit_extended, model_of_extended
 from fingerlab.prediction.trial import Trial, analyse_trial
-from fingerlab.report.trial_words import rest_sentence, trial_sentence
+from fingerlab.report.trial import rest_sentence, share_sentence, trial_sentence
 from fingerlab.rig.file import Motor, Rig
 from fingerlab.sessions import open_session
 from fingerlab.sessions.model import Run, Session
+from tests.prediction.trial_model import EFFECT, SEED, model_with_effect
 
 RATE, LEAD, SECONDS = 1000.0, 2.0, 8.0
 
@@ -91,35 +91,30 @@ def test_what_differs_from_run_to_run_is_scatter() -> None:
     assert "differs from run to run" in rest_sentence(found)
 
 
+@pytest.mark.parametrize(
+    ("share", "words"),
+    [(1.0, ""), (0.38, "Practice bore out 38 % of the way"), (0.0, "missed no less than the nominal one")],
+)
+def test_how_far_the_found_torque_was_sent_is_said(share: float, words: str) -> None:
+    trial = made([("nominal", constant(0.1)), ("found", constant(0.02))])
+    assert trial.found_share == 1.0  # of an earlier version, which went all the way
+    said = share_sentence(replace(trial, found_share=share))
+    assert words in said
+    assert bool(said) == bool(words)
+
+
 def test_a_session_that_is_no_trial_is_one_sentence() -> None:
     rig = Rig(None, Motor(torque_constant=0.0302, gear_ratio=4.3, pulley_radius=0.015, inertia=None))
     with pytest.raises(UserError, match="holds no feed-forward trial"):
         analyse_trial(Session(Path("plain.h5"), "", "", rig, (), {}))
 
 
-EFFECT = ("--effect", "spring_hardening=x1.5", "--seed", "4")
+BENCH = ("--effect", EFFECT, "--seed", str(SEED))
 
 
 @pytest.fixture(scope="module")
 def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A model with the effect that the simulated bench has, from a short session of it."""
-    from fingerlab.twin.effects import parse_effects
-    from fingerlab.twin.protocols import load_preset, single_run
-    from fingerlab.twin.session import write_session
-
-    folder = tmp_path_factory.mktemp("trial")
-    air = {"kind": "multisine", "frequency_hz": 0.7, "duration_s": 10.0}
-    plans = [
-        single_run({**air, "amplitude_deg": 12.0, "offset_deg": 22.0}, "on_air", "extension"),
-        single_run({**air, "amplitude_deg": 8.0, "offset_deg": 14.0}, "on_air", "flexion"),
-    ]
-    for frequency in (0.5, 0.8):
-        motion = {"kind": "sine", "amplitude_deg": 1.6, "frequency_hz": frequency, "duration_s": 10.0}
-        plans.append(single_run(motion, "contact"))
-    session, kept = folder / "S.h5", folder / "M.json"
-    write_session(session, load_preset("practice"), "t", plans, parse_effects(EFFECT[1:2]), 4)
-    write_model(model_of_extended(fit_extended([open_session(session)], ["spring_hardening"])), kept)
-    return kept
+    return model_with_effect(tmp_path_factory.mktemp("trial"))
 
 
 @pytest.fixture(autouse=True)
@@ -131,7 +126,7 @@ def record(model: Path, out: Path, wish: dict[str, object], *more: str) -> objec
     return CliRunner().invoke(
         cli,
         ["record", "--feed-forward", str(model), "--wanted", json.dumps(wish), "--device", "simulated",
-         "--rest", "0.1", "--out", str(out), *EFFECT, *more],
+         "--rest", "0.1", "--out", str(out), *BENCH, *more],
     )  # fmt: skip
 
 
@@ -144,8 +139,9 @@ def test_on_the_simulated_rig_the_error_falls(model: Path, tmp_path: Path) -> No
     assert done.exit_code == 0, done.exception  # type: ignore[attr-defined]
     session = open_session(out)
     sent = [run.attributes["force_model"] for run in session.runs]
-    assert sent[:4] == ["pose", "practice", "practice nominal", "practice found"]
-    assert sorted(sent[4:]) == ["found", "nominal"]
+    assert sent[:2] == ["pose", "practice"]
+    assert sent[2:6] == 2 * ["practice nominal", "practice found"]
+    assert sorted(sent[6:]) == ["found", "nominal"]
     assert json.loads(session.runs[-1].attributes["wanted_force"])["force_n"][0] == pytest.approx(0.9)
     shown = CliRunner().invoke(cli, ["trial", str(out), "--json", "-"])
     told = json.loads(shown.stdout)
@@ -166,6 +162,24 @@ def test_it_ends_where_the_force_is_beyond_what_was_allowed(
     assert [run.attributes["force_model"] for run in session.runs] == ["pose", "practice"]
     force = session.runs[1].channel("endpoint_force")
     assert force.max() < 0.9  # the wanted force was never reached
+
+
+def test_stopped_in_the_middle_the_motor_has_no_current_and_the_recording_is_read(
+    model: Path, tmp_path: Path
+) -> None:
+    orders, out = tmp_path / "orders.txt", tmp_path / "T.h5"
+    orders.write_text("@3:3.0 stop\n", encoding="utf-8")
+    done = record(model, out, WISH, "--ab", "1", "--commands", str(orders))
+    assert done.exit_code != 0  # type: ignore[attr-defined]
+    session = open_session(out)
+    assert [run.attributes["force_model"] for run in session.runs] == ["pose", "practice", "practice nominal"]
+    last = session.runs[-1]
+    assert 3.0 <= last.seconds < 3.2
+    torque = last.channel("motor_torque")
+    assert torque[2900] > 0.05  # N m: it pressed when it was stopped
+    assert abs(torque[-1]) < 0.02  # within the millisecond; the current sensor's noise is 0.003
+    with pytest.raises(UserError, match="broke off while it practised"):
+        analyse_trial(session)
 
 
 @pytest.mark.parametrize(

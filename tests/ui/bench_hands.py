@@ -27,11 +27,11 @@ PATIENCE = 60_000
 """The twin compiles its integrator at its first use."""
 
 
-def opener(rescue: Path, faults: Faults | None = None) -> OpenCall:
-    """Opens the simulated rig on a virtual clock; with faults if wanted."""
+def opener(rescue: Path, faults: Faults | None = None, simulation: Simulation | None = None) -> OpenCall:
+    """Opens the simulated rig on a virtual clock; with faults, or as another bench, if wanted."""
 
     def make(wanted: BenchRequest) -> OpenBench:
-        device = SimulatedRig(simulation=Simulation(seed=wanted.seed), faults=faults)
+        device = SimulatedRig(simulation=simulation or Simulation(seed=wanted.seed), faults=faults)
         settings = LoopSettings(BenchUnits.from_rig(device.rig), device.rig.limits)
         return OpenBench(InlineBench(device, settings, rescue), device.rig, dict(device.session_attributes))
 

@@ -29,9 +29,11 @@ from fingerlab.ui.lab.drafts import DraftDialog
 from fingerlab.ui.lab.model_dialogs import NotesDialog, TriedDialog
 from fingerlab.ui.lab.own_effects import OwnEffects
 from fingerlab.ui.lab.own_effects import ask_to_leave as ask_to_leave_text
+from fingerlab.ui.sessions.force_trial import TrialDialog
 from fingerlab.ui.sessions.import_dialog import ImportDialog
 from fingerlab.ui.widgets.plot_figure import paper_of
 
+from .invented import invented_trial
 from .lab.invented_law import invented_law
 from .standing_open import Stage, Step, Surface, standing
 
@@ -62,6 +64,12 @@ def _run_by_run(stage: Stage) -> None:
         first=session, second=session, pairs=(), only_first=(), only_second=(), refused=()
     )
     stage.tab("sessions").show_pair(found)
+
+
+def _force_trial(stage: Stage) -> None:
+    dialog = TrialDialog(stage.window)
+    dialog.show_trial(invented_trial(), stage.session.name)
+    dialog.show()
 
 
 def _models_compared(stage: Stage) -> None:
@@ -316,8 +324,8 @@ DIALOGS = (
     ),
     Surface(
         "Wanted force",
-        (lambda s: s.tab("predict").wanted.panel._choose_file(),),
-        ("predict/wanted_force.py:WantedPanel._choose_file",),
+        (lambda s: s.tab("predict").wanted.panel.wanted.file.click(),),
+        ("widgets/wanted_fields.py:WantedFields._choose_file",),
         "predict",
     ),
     Surface(
@@ -382,6 +390,18 @@ DIALOGS = (
         (_run_by_run,),
         ("sessions/pairs_dialog.py:PairsDialog",),
         "sessions",
+    ),
+    Surface(
+        "Force trial",
+        (_force_trial,),
+        ("sessions/force_trial.py:TrialDialog",),
+        "sessions",
+    ),
+    Surface(
+        "Model of a force trial",
+        (lambda s: s.tab("acquire").panel.protocol.trial.model.click(),),
+        ("acquire/force_trial_form.py:ForceTrialFields._choose",),
+        "acquire",
     ),
     Surface(
         "Models compared",

@@ -20,6 +20,7 @@ from fingerlab.diagnosis.answer.results import (
     PathStep,
 )
 from fingerlab.models.file import ParameterEstimate
+from fingerlab.prediction.trial import CAUSES, ForceError, ModelForce, Trial, TrialRun
 
 STIFFNESS = 0.05  # N m/rad
 AMPLITUDE = 0.3  # rad
@@ -233,3 +234,19 @@ def unseen_diagnosis(session: str) -> Diagnosis:
         probability_nothing=0.82,
         probability_unknown=0.08,
     )
+
+
+def invented_trial() -> Trial:
+    """Two runs of each model: the nominal one misses a tenth of the force, the found one a hundredth."""
+    time = np.arange(0.1, 7.9, 0.004)
+    wanted = 0.9 + 0.5 * np.sin(np.pi * time)
+
+    def of(model: str, missed: float) -> ModelForce:
+        runs = tuple(
+            TrialRun(f"{k:03d}", model, ForceError(time, wanted, (1.0 + k * missed) * wanted), 0.02)
+            for k in (1, 2)
+        )
+        parts = dict.fromkeys(CAUSES, 0.0) | {"gain": 0.9, "scatter": 0.1}
+        return ModelForce(model, runs, missed, 2.0 * missed, 0.02, 0.1 * missed, parts)
+
+    return Trial("M.json", ("coulomb_friction",), of("nominal", 0.1), of("found", 0.01), 0.1, 0.08, 0.12, 0.2)

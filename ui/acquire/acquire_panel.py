@@ -349,6 +349,7 @@ class AcquirePanel(QWidget):
         why = NO_FINGER if rig.finger is None else ""
         refuse_entries(self.phase, dict.fromkeys(FINGER_PHASES, why))
         self.protocol.refuse_fingers(why)
+        self.protocol.show_rig(rig)
 
     def refresh(self) -> None:
         """Which buttons can be used now, and why not."""

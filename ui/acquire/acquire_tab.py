@@ -60,6 +60,7 @@ from .bench_setup import (
 )
 from .check_page import CheckPage
 from .connect_page import ConnectPage
+from .force_trial_form import TrialTorques
 from .live_plots import LivePlots
 from .motion_form import keep_motion
 from .protocol_controller import ProtocolController, left_of_run
@@ -121,9 +122,11 @@ class AcquireTab(Tab):
 
     def _build(self) -> None:
         self.plots.free.remember(self.context.settings, "acquire")
-        left = vbox(
-            None, AbovePlots(self.toolbar, self.prompt), (self.plots.free.beside(self.plots), 1), spacing=0
-        )
+        self.torques = TrialTorques()
+        self.beside_panel = QStackedWidget()
+        self.beside_panel.addWidget(self.plots.free.beside(self.plots))
+        self.beside_panel.addWidget(self.torques)
+        left = vbox(None, AbovePlots(self.toolbar, self.prompt), (self.beside_panel, 1), spacing=0)
         bench = QWidget()
         hbox(bench, (left, 1), SideRoom(self.panel), margins=FLUSH, spacing=0)
         self.bench_page = bench
@@ -179,6 +182,9 @@ class AcquireTab(Tab):
         motions.keep_asked.connect(self._keep_motion)
         motions.forget_asked.connect(self._forget_motion)
         self.panel.history.changed.connect(context.commands_changed)
+        self.protocol.torques_planned.connect(self._show_torques)
+        self.protocol.trial_taken.connect(self._show_trial)
+        self.prompt.came.connect(self._leave_torques)
         self.bar.disconnect_asked.connect(self.disconnect_rig)
         self.bar.open_asked.connect(lambda path: context.open_paths([Path(path)]))
 
@@ -510,6 +516,20 @@ class AcquireTab(Tab):
             self._count_down()
             self._follow_mode()
             self._show_lines()
+
+    def _show_torques(self, plans: Mapping[str, Any]) -> None:
+        """While the operator is asked whether a force trial's torque may be sent, it is drawn."""
+        self.torques.show_plans(plans)
+        self.beside_panel.setCurrentWidget(self.torques)
+
+    def _show_trial(self, path: Path) -> None:
+        from ..sessions.force_trial import show_force_trial
+
+        show_force_trial(self.context, path, self.widget)
+
+    def _leave_torques(self, asked: bool) -> None:
+        if not asked:
+            self.beside_panel.setCurrentIndex(0)
 
     def _show_lines(self) -> None:
         status = self.controller.status

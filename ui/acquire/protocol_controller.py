@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 import threading
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from queue import Empty
 from typing import Any
@@ -52,6 +53,7 @@ class ProtocolRun(QObject):
 
     Attributes:
         completed: number of the last run that was recorded whole; 0 before the first.
+        written: the session of the last protocol, once it is whole.
 
     Signals:
         asked(sentence): the operator has to do something, then :meth:`answer`.
@@ -70,19 +72,31 @@ class ProtocolRun(QObject):
         self._answered = threading.Event()
         self._told: tuple[int, str, int] = (0, "", 0)
         self.completed = 0
+        self.written: Path | None = None
 
-    def start(self, steps: Sequence[Step], title: str, initial: Initialise) -> bool:
-        """Take the steps one by one and write the session; whether it has begun."""
+    def start(
+        self,
+        steps: Sequence[Step],
+        title: str,
+        initial: Initialise,
+        attributes: Mapping[str, Any] | None = None,
+    ) -> bool:
+        """Take the steps one by one and write the session; whether it has begun.
+
+        Args:
+            attributes: of the session, beside the usual ones.
+        """
         recording = self._recording
         info = recording.told_info(title or "protocol")
         if info is None:
             return False
+        info = replace(info, attributes={**info.attributes, **(attributes or {})})
         self._answered.clear()
         self._run_errands(None)
         recording.in_protocol = True
         self._controller.context.settings.set_under_way(info.path)
 
-        self.completed = 0
+        self.completed, self.written = 0, None
 
         def work(bench: Bench) -> SessionEnding:
             driver = _Driver(
@@ -140,6 +154,7 @@ class ProtocolRun(QObject):
 
     def _on_done(self, ending: SessionEnding) -> None:
         self._recording.in_protocol = False
+        self.written = ending.path if ending.whole else None
         self._recording.keep(ending)
         self.ended.emit("done")
 
@@ -167,7 +182,14 @@ class ProtocolController(QObject):
 
     Args:
         set_up: called with the set-up that the protocol has come to. refresh: called when it is over.
+
+    Signals:
+        torques_planned(plans by model): of a force trial, before the operator is asked.
+        trial_taken(path): the session of a force trial is whole.
     """
+
+    torques_planned = Signal(object)
+    trial_taken = Signal(object)
 
     def __init__(
         self,
@@ -187,6 +209,7 @@ class ProtocolController(QObject):
         self.running.set_up_changed.connect(set_up)
         self.running.ended.connect(self._on_ended)
         self._steps: Sequence[Step] = ()
+        self._is_trial = False
         prompt.done.connect(self.running.answer)
         recording.controller.stopped.connect(lambda _: prompt.over())
         panel.motion.edited.connect(self.tell_total)
@@ -205,8 +228,12 @@ class ProtocolController(QObject):
         except UserError as error:
             self._context.tell(str(error), traceback.format_exc())
             return
-        if self.running.start(steps, panel.protocol.title(), panel.initial.command()):
-            self._steps = steps
+        trial = panel.protocol.planned
+        attributes = {} if trial is None else trial.attributes
+        if trial is not None:
+            trial.show = self.torques_planned.emit
+        if self.running.start(steps, panel.protocol.title(), panel.initial.command(), attributes):
+            self._steps, self._is_trial = steps, trial is not None
             self._recording.controller.doing = "protocol"
 
     def take_file(self, path: Path) -> bool:
@@ -247,6 +274,8 @@ class ProtocolController(QObject):
         self._panel.protocol.go_on_from(1 if how == "done" else reached)
         self._recording.controller.doing = ""
         self._refresh()
+        if how == "done" and self._is_trial and self.running.written is not None:
+            self.trial_taken.emit(self.running.written)
 
     def _on_protocol_handed(self, steps: Sequence[Any], title: str) -> None:
         self._panel.protocol.hand(steps, title)

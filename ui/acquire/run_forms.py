@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import (
@@ -35,12 +35,16 @@ from fingerlab.acquisition.protocols.steps import (
 )
 from fingerlab.core.errors import UserError
 from fingerlab.report.diagnosis_words import PHASE_WORDS
-from fingerlab.rig.file import changed_words
+from fingerlab.rig.file import Rig, changed_words
 from fingerlab.sessions.trajectory import trajectory_words
 
 from ..widgets.fields import WholeField, choice, form_menu, number, refuse_entries
 from ..widgets.layout import described
 from ..widgets.tables import heading, remark
+from .force_trial_form import ForceTrialFields
+
+if TYPE_CHECKING:
+    from fingerlab.acquisition.protocols.force_trial import ForceTrial
 
 JOINTS = {"mcp": "MCP", "pip": "PIP"}
 
@@ -149,7 +153,7 @@ SCAN_HELP = (
     "{}: several values such as '5 10 15', or '0.5 to 3 in 6' (with 'log' behind it: each by as many times "
     "more). Every one is taken with every one of the other two; left empty, it is as set under By hand."
 )
-TABLE = "table"
+TABLE, FORCE_TRIAL = "table", "force_trial"
 TABLE_FILTER = "Text tables (*.csv *.txt *.tsv);;All files (*)"
 TABLE_HELP = (
     "A row for each kind of run: phase, kind, amplitude_deg, frequency_hz, ...; a number may be a scan."
@@ -162,6 +166,7 @@ NAMED = {
     "motor-bench": "Motor bench",
 }
 HANDED = "handed"
+TRIAL_NAME = "Force trial"
 WITHOUT_CONTACT = ("own_on_air", "own_scan", "on-air", "motor-bench")
 MOST_RUNS = 1000
 
@@ -175,7 +180,7 @@ class ProtocolForm(QWidget):
         super().__init__(parent)
         self._handed: tuple[Step, ...] = ()
         self._table: Path | None = None
-        entries = {**OWN_RUNS, **NAMED, TABLE: "A table of runs"}
+        entries = {**OWN_RUNS, **NAMED, FORCE_TRIAL: TRIAL_NAME, TABLE: "A table of runs"}
         self.which = choice("protocol", entries, "Protocol: which runs are taken.")
         self.which.setCurrentIndex(2)
         self.runs = described(WholeField(), "runCount", accessible="Runs of each kind")
@@ -201,8 +206,11 @@ class ProtocolForm(QWidget):
         form = self._form = QFormLayout(self)
         form.setContentsMargins(0, 0, 0, 0)
         form.setSpacing(3)
+        self.trial = ForceTrialFields(self)
+        self.planned: ForceTrial | None = None
         form.addRow("&Protocol", self.which)
         form.addRow("File", self.table)
+        self.trial.add_to(form)
         for name, title in SCANNED.items():
             form.addRow(title, self.scans[name])
         form.addRow("R&uns (n)", self.runs)
@@ -214,6 +222,7 @@ class ProtocolForm(QWidget):
         form.addRow(self.total)
         self.which.currentIndexChanged.connect(self._on_which)
         self.table.clicked.connect(self._choose_table)
+        self.trial.changed.connect(self.edited)
         for field in (self.runs, self.first, *self._numbers.values()):
             field.valueChanged.connect(self.edited)
         self._on_which()
@@ -232,7 +241,8 @@ class ProtocolForm(QWidget):
     @property
     def fields(self) -> tuple[QWidget, ...]:
         """All that can be typed into or chosen."""
-        return self.which, *self.scans.values(), self.runs, *self._numbers.values(), self.first
+        numbers = self._numbers.values()
+        return self.which, *self.scans.values(), *self.trial.fields, self.runs, *numbers, self.first
 
     @property
     def _numbers(self) -> dict[str, QDoubleSpinBox]:
@@ -248,6 +258,7 @@ class ProtocolForm(QWidget):
             "which": self.which.currentData(),
             "scans": {name: field.text() for name, field in self.scans.items()},
             "table": self._table,
+            "trial": self.trial.state(),
         }
         return {**told, "runs": self.runs.value(), "first": self.first.value(), **numbers, "handed": handed}
 
@@ -258,6 +269,7 @@ class ProtocolForm(QWidget):
         if row >= 0 and title:
             self.which.setItemText(row, title)
         self._name_table(state["table"])
+        self.trial.restore(state["trial"])
         self.which.setCurrentIndex(self.which.findData(state["which"]))
         for name, scan in self.scans.items():
             scan.setText(state["scans"][name])
@@ -274,22 +286,29 @@ class ProtocolForm(QWidget):
 
     def refuse_fingers(self, why: str) -> None:
         """Protocols with a finger cannot be chosen now; empty: they can."""
-        refuse_entries(self.which, {key: why for key in (*OWN_RUNS, *NAMED) if key != "motor-bench"})
+        with_finger = (*OWN_RUNS, *NAMED, FORCE_TRIAL)
+        refuse_entries(self.which, {key: why for key in with_finger if key != "motor-bench"})
+
+    def show_rig(self, rig: Rig) -> None:
+        """The rig that is connected, whose limits a force trial keeps."""
+        self.trial.show_rig(rig)
+        self.edited.emit()
 
     def title(self) -> str:
         """Name of the protocol, for the session file."""
         key = str(self.which.currentData())
-        title = key if key in NAMED else self.which.currentText()
+        title = key if key in NAMED else "feed-forward" if key == FORCE_TRIAL else self.which.currentText()
         if key == TABLE and self._table is not None:
             title = self._table.stem
         return title if self.first.value() == 1 else f"{title}, from run {self.first.value()}"
 
     def steps(self, motion: Mapping[str, Any]) -> tuple[Step, ...]:
-        """The steps, with the motion set by hand for the user's own protocols.
+        """The steps, with the motion set by hand for the user's own protocols; ``planned`` is their trial.
 
         Raises:
             UserError: the motion is impossible.
         """
+        self.planned = None
         return steps_from(self._all_steps(motion), self.first.value())
 
     def _all_steps(self, motion: Mapping[str, Any]) -> tuple[Step, ...]:
@@ -299,6 +318,9 @@ class ProtocolForm(QWidget):
         key = str(self.which.currentData())
         if key == HANDED:
             return self._handed
+        if key == FORCE_TRIAL:
+            self.planned = self.trial.trial(self.force.value(), self.rest.value())
+            return self.planned.steps()
         if key == TABLE:
             if self._table is None:
                 raise UserError("No table of runs is chosen; choose one, or another protocol.")
@@ -361,11 +383,13 @@ class ProtocolForm(QWidget):
             *((field, key == "own_scan") for field in self.scans.values()),
             (self.runs, key in OWN_RUNS and key != "own_scan"),
             (self.seconds, key in OWN_RUNS),
-            (self.rest, key != HANDED),
-            (self.force, key not in (HANDED, *WITHOUT_CONTACT)),
-            (self.amplitude, key not in (HANDED, TABLE, *WITHOUT_CONTACT)),
+            (self.rest, key not in (HANDED, FORCE_TRIAL)),
+            (self.force, key not in (HANDED, FORCE_TRIAL, *WITHOUT_CONTACT)),
+            (self.amplitude, key not in (HANDED, TABLE, FORCE_TRIAL, *WITHOUT_CONTACT)),
+            (self.first, key != FORCE_TRIAL),
         ):
             self._form.setRowVisible(field, shown)
+        self.trial.set_shown(key == FORCE_TRIAL)
         self.first.setValue(1)
         self.edited.emit()
 

@@ -171,6 +171,7 @@ class SessionsTab(Tab):
             Command("&Review runs", page.ask_review, None, lambda: bool(page.paths())),
             Command("Open in &Model lab", self.open_chosen, "Ctrl+Return", lambda: bool(self.chosen())),
             SEPARATOR,
+            Command("&Force trial…", self.show_force_trial, None, self._one),
             Command("Compare two sessions run &by run…", self.compare, None, lambda: len(page.paths()) == 2),
             Command("M&erge the chosen sessions…", self.merge, "Ctrl+M", lambda: len(page.paths()) > 1),
             *(
@@ -502,6 +503,14 @@ class SessionsTab(Tab):
         self._pairs.show_pair(found)
         self._pairs.show()
         self._pairs.raise_()
+
+    def show_force_trial(self) -> None:
+        """By how much the force error fell in the chosen session, in a window of its own."""
+        from .force_trial import show_force_trial
+
+        if self._one():
+            self.context.hush()
+            show_force_trial(self.context, self.chosen()[0], self.widget)
 
     def export(self, kind: str) -> None:
         """Write the chosen session for other tools."""

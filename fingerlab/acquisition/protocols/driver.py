@@ -353,7 +353,10 @@ class ProtocolDriver:
         self._off()
         self._tell(self.share, step.words, 0.0)
         step.work(self._last_run())
-        self.bench.ask(Enable())
+        if step.ask is not None:
+            self._ask_operator(step.ask())
+        if not self._ending:
+            self.bench.ask(Enable())
 
     def _last_run(self) -> Run:
         """The run before, from the ring; a few lost samples are left to whoever looks at it.

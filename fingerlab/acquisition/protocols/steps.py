@@ -118,10 +118,12 @@ class WorkOut:
 
     Attributes:
         words: what is worked out. work: is given that run; what it raises ends the recording.
+        ask: then gives the sentence that the operator answers before it goes on; None: nobody is asked.
     """
 
     words: str
     work: Callable[[Run], None]
+    ask: Callable[[], str] | None = None
 
 
 Step = Change | Find | Lift | Record | Rest | WorkOut

@@ -87,13 +87,7 @@ def record(
     Returns:
         What was put in: protocol, seed, strength by effect, and the true bench.
     """
-    rng = np.random.default_rng([seed, 77])
-    bench = draw_bench(rng)
-    strengths = {}
-    for name, value in effects.items():
-        own = np.random.default_rng([seed, zlib.crc32(name.encode())])  # benches alike, effects not in step
-        strengths[name] = EFFECTS[name].draw(own) if value is None else float(value)
-        EFFECTS[name].change(bench, strengths[name], own)
+    bench, strengths, rng = bench_with(effects, seed)
     plans, seconds = PROTOCOLS[protocol]
     seconds = duration_s or seconds
     taken = plans() if kept is None else [plans()[i] for i in kept]
@@ -113,6 +107,19 @@ def record(
         "press": press,
         "bench": dataclasses.asdict(bench),
     }
+
+
+def bench_with(
+    effects: Mapping[str, float | None], seed: int
+) -> tuple[Bench, dict[str, float], np.random.Generator]:
+    """The bench of a seed with the named effects, their strengths, and what its runs are drawn by."""
+    rng = np.random.default_rng([seed, 77])
+    bench, strengths = draw_bench(rng), {}
+    for name, value in effects.items():
+        own = np.random.default_rng([seed, zlib.crc32(name.encode())])  # benches alike, effects not in step
+        strengths[name] = EFFECTS[name].draw(own) if value is None else float(value)
+        EFFECTS[name].change(bench, strengths[name], own)
+    return bench, strengths, rng
 
 
 def _take(

@@ -39,13 +39,13 @@ def run(bench: Bench, built: BuiltModel, cable: str, command: np.ndarray, wear: 
         command: rad at the pulley, one value a millisecond. wear: factor on all friction of this run.
     """
     model, data = built.model, settle(built)
-    _hang_cable(bench, built, data, cable)
+    hang_cable(bench, built, data, cable)
     data.qfrc_applied[built.motor] = -bench.motor_bias * wear
     state = np.empty((len(command), model.nq))
     current, tension, plate_speed = (np.empty(len(command)) for _ in range(3))
     gain = bench.motor["torque_constant"] * bench.motor["gear_ratio"]
     loop = _loop()
-    updates = _updates(bench, built, wear)
+    updates = updates_of(bench, built, wear)
     position, speed, control, pull = data.qpos, data.qvel, data.ctrl, data.actuator_force
     motor, drive, rope = built.motor, built.drive, built.cable
     for index, wanted in enumerate(command.tolist()):
@@ -69,7 +69,7 @@ def run(bench: Bench, built: BuiltModel, cable: str, command: np.ndarray, wear: 
     return Truth(counted, current, state[:, built.mcp], state[:, built.pip], force, tension)
 
 
-def _hang_cable(bench: Bench, built: BuiltModel, data: mujoco.MjData, cable: str) -> None:
+def hang_cable(bench: Bench, built: BuiltModel, data: mujoco.MjData, cable: str) -> None:
     """The cable is just loose by its pretravel where the finger hangs; it pulls, it never pushes."""
     mujoco.mj_forward(built.model, data)
     rest = float(data.actuator_length[built.cable]) + bench.pretravel[cable]
@@ -99,7 +99,7 @@ def _loop() -> Callable[[float, float], float]:
 Update = Callable[[mujoco.MjData], None]
 
 
-def _updates(bench: Bench, built: BuiltModel, wear: float) -> list[Update]:
+def updates_of(bench: Bench, built: BuiltModel, wear: float) -> list[Update]:
     """What MuJoCo has no constant for, renewed at each step: friction by speed or load, and torque ripple."""
     model, updates = built.model, []
     dry = {"mcp": bench.dry[0], "pip": bench.dry[1], "motor": bench.motor_dry}

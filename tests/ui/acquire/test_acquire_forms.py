@@ -168,7 +168,7 @@ def test_every_form_is_whole_and_every_live_plot_is_saved(rig: Rig, tmp_path: Pa
     rig.wait_idle()
     look(rig.window)
     rig.click("byProtocol")
-    for which in ("own_both", "rich"):
+    for which in ("own_both", "rich", "force_trial"):
         panel.protocol.which.setCurrentIndex(panel.protocol.which.findData(which))
         look(rig.window)
 

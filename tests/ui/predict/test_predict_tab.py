@@ -352,8 +352,8 @@ def test_the_pages_are_whole(make_window, predicted: MainWindow, wanting: MainWi
     look(make_window(tab="predict", tabs=TABS))
     look(wanting)
     panel = predict_of(wanting).wanted.panel
-    for row in range(panel.kind.count()):
-        panel.kind.setCurrentIndex(row)
+    for row in range(panel.wanted.kind.count()):
+        panel.wanted.kind.setCurrentIndex(row)
         look(wanting)
     click(wanting, "view_measured")
     look(predicted)
