@@ -6,10 +6,10 @@ and their rows go to a JSON-lines file as they come. The page is made of both.
 
 from __future__ import annotations
 
-import json
 import tempfile
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +31,7 @@ from tests.hidden.changing_benches import (
     simulated_pairs,
     units_of_bench,
 )
+from tests.hidden.kept import KeptResults
 
 PAGE = Path("docs/changes-over-time.md")
 Entry = dict[str, Any]
@@ -316,11 +317,7 @@ def main(seed: int, sequences: int, rounds: int, jobs: int, results: Path, table
 
 def _recorded(seeds: Sequence[int], jobs: int, results: Path) -> Iterator[Entry]:
     """Simulated sequences and pairs, those of an earlier call taken from its results."""
-    known: dict[tuple[str, int], Entry] = {}
-    if results.exists():
-        for line in results.read_text(encoding="utf-8").splitlines():
-            entry = json.loads(line)
-            known[entry["what"], entry["seed"]] = entry
+    known = KeptResults(results, itemgetter("what", "seed"))
     todo = [
         ("sequence", seed + k, delayed(sequence_entry)(plan, seed + k))
         for seed in seeds
@@ -334,12 +331,9 @@ def _recorded(seeds: Sequence[int], jobs: int, results: Path) -> Iterator[Entry]
         for k, pair in enumerate(pairs)
     ]
     left = [call for what, number, call in todo if (what, number) not in known]
-    with results.open("a", encoding="utf-8") as file:
-        for entry in Parallel(n_jobs=jobs, return_as="generator_unordered")(left):
-            file.write(json.dumps(entry) + "\n")
-            file.flush()
-            known[entry["what"], entry["seed"]] = json.loads(json.dumps(entry))
-            click.echo(f"{entry['what']} {entry['seed']} done", err=True)
+    for entry in Parallel(n_jobs=jobs, return_as="generator_unordered")(left):
+        known.add(entry)
+        click.echo(f"{entry['what']} {entry['seed']} done", err=True)
     yield from (known[what, number] for what, number, _ in todo)
 
 

@@ -5,10 +5,10 @@ Results go to a JSON-lines file as they come; the page is made of all of them.
 
 from __future__ import annotations
 
-import json
 import tempfile
 import time
 from collections.abc import Iterator, Mapping, Sequence
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,7 @@ from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.settings import DRAFT_LEAST
 from fingerlab.sessions import open_session
 from fingerlab.twin.effects import EFFECTS
+from tests.hidden.kept import KeptResults
 from tests.hidden.sweep.running import record
 from tests.hidden.sweep.trials import Trial, nothing, outside
 
@@ -244,20 +245,13 @@ def main(
         *outside("twin", list(effects) or list(EFFECTS), list(seeds)),
         *nothing("twin", "rich", range(8001, 8001 + plain)),
     ]
-    known: dict[tuple[str, int], Entry] = {}
-    if results.exists():
-        for line in results.read_text(encoding="utf-8").splitlines():
-            entry = json.loads(line)
-            known[entry["effect"], entry["seed"]] = entry
+    known = KeptResults(results, itemgetter("effect", "seed"))
     left = [t for t in wanted if ("".join(t.effects), t.seed) not in known]
-    with results.open("a", encoding="utf-8") as file:
-        for entry in Parallel(n_jobs=jobs, return_as="generator_unordered")(
-            delayed(try_draft)(trial) for trial in left
-        ):
-            file.write(json.dumps(entry) + "\n")
-            file.flush()
-            known[entry["effect"], entry["seed"]] = json.loads(json.dumps(entry))
-            click.echo(f"{entry['effect'] or 'plain'} {entry['seed']}: {_brief(entry)}", err=True)
+    for entry in Parallel(n_jobs=jobs, return_as="generator_unordered")(
+        delayed(try_draft)(trial) for trial in left
+    ):
+        known.add(entry)
+        click.echo(f"{entry['effect'] or 'plain'} {entry['seed']}: {_brief(entry)}", err=True)
     entries = [known[key] for t in wanted if (key := ("".join(t.effects), t.seed)) in known]
     for what, figure in figures(entries):
         click.echo(f"{what:90s} {figure}")

@@ -15,6 +15,7 @@ import re
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
@@ -35,6 +36,7 @@ from fingerlab.models.file import load_model, write_model
 from fingerlab.prediction import fit_extended, model_of_extended
 from fingerlab.prediction.trial import analyse_trial, trial_json
 from fingerlab.sessions import open_session
+from tests.hidden.kept import KeptResults
 from tests.hidden.sweep.running import asked
 from tests.hidden.sweep.running import record as record_session
 from tests.hidden.sweep.trials import Trial
@@ -278,22 +280,16 @@ def main(
     table: Path | None,
 ) -> None:
     """Hide each effect, find it, send a force by what was found, and say by how much the error fell."""
-    known: dict[tuple[str, str, int, int], dict[str, Any]] = {}
-    if results.exists():
-        for line in results.read_text(encoding="utf-8").splitlines():
-            entry = json.loads(line)
-            known[entry["source"], entry["effect"], entry["seed"], entry["pairs"]] = entry
+    known = KeptResults(results, itemgetter("source", "effect", "seed", "pairs"))
     if models is not None:
         models.mkdir(parents=True, exist_ok=True)
     wanted = [("twin", name, seed, pairs) for seed in seeds for name in effects or tried()]
     wanted += [("engine", name, seed, pairs) for seed in engine_seeds for name in effects or ENGINE]
-    with results.open("a", encoding="utf-8") as file, threadpool_limits(limits=1, user_api="blas"):
+    with threadpool_limits(limits=1, user_api="blas"):
         for key in wanted:
             if key in known:
                 continue
-            known[key] = try_bench(*key, models)
-            file.write(json.dumps(known[key]) + "\n")
-            file.flush()
+            known.add(try_bench(*key, models))
             click.echo(f"{key[:3]}: {known[key].get('failed') or ratio(known[key])}", err=True)
     entries = [known[key] for key in wanted]
     for what, value in figures(entries):
