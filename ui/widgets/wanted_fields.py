@@ -17,7 +17,7 @@ TABLES = "Text tables of time and force (*.csv *.txt *.tsv);;All files (*)"
 SHAPED = ("sine", "ramp_hold", "steps")
 FIELDS = {
     "mean_n": ("&Mean (N)", SHAPED, (1.0, 0.0, 40.0, 2, 0.1), "F, N: middle of the wanted force's range."),
-    "amplitude_n": ("&Amplitude (N)", SHAPED, (0.4, 0.0, 20.0, 2, 0.1), "Half of the range of F, N."),
+    "amplitude_n": ("Amp&litude (N)", SHAPED, (0.4, 0.0, 20.0, 2, 0.1), "Half of the range of F, N."),
     "frequency_hz": ("Fre&quency (Hz)", SHAPED, (0.5, 0.01, 10.0, 2, 0.1), "Periods, or steps, a second."),
     "rise_s": ("R&ise (s)", ("steps",), (0.3, 0.05, 5.0, 2, 0.05), "From one step to the next."),
     "duration_s": ("D&uration (s)", SHAPED, (20.0, 1.0, 300.0, 1, 5.0), "Length of the profile."),
