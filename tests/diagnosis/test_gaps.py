@@ -52,7 +52,7 @@ def test_a_stretch_ends_where_samples_are_lost(shared_data: Path) -> None:
     assert np.sqrt(np.mean((again - whole.acceleration[late]) ** 2)) < 0.02 * size
 
 
-@pytest.mark.parametrize(("name", "effect"), [("bench-plain", None), ("bench-coulomb", "coulomb_friction")])
+@pytest.mark.parametrize(("name", "effect"), [("bench-coulomb", "coulomb_friction")])
 def test_lost_samples_change_no_verdict(shared_data: Path, name: str, effect: str | None) -> None:
     """A tenth of a second is lost twice in every run; it was once "not in the catalogue" with 4.1 floors."""
     answer = diagnose([lossy(open_session(shared_data / f"{name}.h5"), (7.0, 13.0), 0.1)], with_curves=False)

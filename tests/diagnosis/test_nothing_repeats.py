@@ -55,8 +55,9 @@ def test_nothing_missing_is_said_so(tmp_path: Path, kept: Callable[[Run], Run | 
     assert answer.score < 1.15
 
 
-@pytest.mark.parametrize("effect", ["coulomb_friction", "cable_stretch"])
-@pytest.mark.parametrize("kept", [without_trajectory, only_chirps])
+@pytest.mark.parametrize(
+    ("kept", "effect"), [(without_trajectory, "coulomb_friction"), (only_chirps, "cable_stretch")]
+)
 def test_what_is_missing_is_found(tmp_path: Path, kept: Callable[[Run], Run | None], effect: str) -> None:
     answer = told(tmp_path, {effect: {}}, 104, kept)
     assert answer.verdict == "missing_effect"

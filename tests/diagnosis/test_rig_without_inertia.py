@@ -27,7 +27,7 @@ def test_a_cable_that_hangs_loose_now_and_then_is_seen_to(shared_data: Path) -> 
     assert answer.path[-1].score < 1.3
 
 
-@pytest.mark.parametrize("hidden", [(), ("spring_hardening",)])
+@pytest.mark.parametrize("hidden", [("spring_hardening",)])
 def test_the_rotor_is_missing_beside_what_else_is(tmp_path: Path, hidden: tuple[str, ...]) -> None:
     path = tmp_path / "bench.h5"
     preset = load_preset()

@@ -23,10 +23,9 @@ def run(*arguments: str | Path) -> Any:
 
 
 OPEN = {
-    "motor_inertia": ("motor_inertia=x0.7818", 102),
     "joint_coupling": ("joint_coupling=x0.7005", 104),
 }
-"""Effects that one sine of 1 Hz leaves open: as ``simulate`` takes them, and the seed of the bench.
+"""An effect that one sine of 1 Hz leaves open: as ``simulate`` takes them, and the seed of the bench.
 
 Beside joint coupling that is not in the model the tip seems to stick; with it, it slides.
 """

@@ -66,7 +66,8 @@ def test_every_dialog_of_the_source_is_opened_here() -> None:
 def test_stop_with_anything_open(stage: Stage, way: str) -> None:
     found = [surface for surface in surfaces(stage) if way in surface.ways]
     if OUTCOMES not in os.environ and way != "press":  # keys reach lists and menus as they reach dialogs
-        found = [*DIALOGS, *[surface for surface in found if surface not in DIALOGS][::8]]
+        mine = DIALOGS[::2] if way == "key" else DIALOGS[1::2]  # all three ways: tests.faults.stops
+        found = [*mine, *[surface for surface in found if surface not in DIALOGS][::8]]
     driving = Driving(stage, hand_here())
     outcomes = driving.stop_each(found, (way,))
     if OUTCOMES in os.environ:
