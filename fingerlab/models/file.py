@@ -170,14 +170,17 @@ class _Document:
     sessions: list[SessionHash]
     created: str
     software: str
-    effects: Any = ()
+    effects: list[Any] | None = None
     details: dict[str, Any] = field(default_factory=dict)
     sign_convention: Any = SIGN_CONVENTION
 
 
-_HELD = {"parameters": "an object", "details": "an object", "sessions": "a list"} | dict.fromkeys(
-    ("method", "created", "software"), "text"
-)
+_HELD = {
+    "parameters": "an object",
+    "details": "an object",
+    "sessions": "a list",
+    "effects": "a list",
+} | dict.fromkeys(("method", "created", "software"), "text")
 
 
 def _read_object(path: Path) -> dict[str, Any]:

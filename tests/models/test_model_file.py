@@ -82,6 +82,7 @@ def _broken(**changes: object) -> str:
         (_broken(format_version="2"), "newer FingerLab"),
         (_broken(format_version="x"), "format_version"),
         (_broken(parameters=None), "lacks 'parameters'"),
+        (_broken(effects=1e-308), "lacks 'effects'"),
         (_broken(method=3), "lacks 'method'"),
         (_broken(sessions=[{"name": "S.h5"}]), "'sha256'"),
         (_broken(parameters={"p": {"value": "1", "unit": "m", "low": 0, "high": 1}}), "parameter 'p'"),
