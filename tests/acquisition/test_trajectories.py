@@ -83,6 +83,7 @@ def test_ramp_and_hold_moves_at_constant_speed_and_rests() -> None:
         ({"kind": "sine", "amplitude_deg": 3, "frequency_hz": 0}, "greater than zero"),
         ({"kind": "sine", "amplitude_deg": 3, "ramp_s": -1}, "ramp_s"),
         ({"kind": "multisine", "amplitude_deg": 3, "frequencies_hz": []}, "positive numbers"),
+        ({"kind": "multisine", "amplitude_deg": 3, "frequencies_hz": [1] * 101}, "100 at most"),
         ({"kind": "steps", "amplitude_deg": 3, "frequency_hz": 10}, "rise_s"),
         ({"amplitude_deg": 3}, "kind"),
     ],

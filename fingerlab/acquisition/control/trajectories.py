@@ -49,6 +49,10 @@ from fingerlab.sessions.model import Array
 from fingerlab.sessions.text_table import inspect_table, read_blocks
 
 MOST_FORCE, MOST_POSITION = "most_force_n", "most_position_deg"
+MOST_LINES = 100
+"""Of a multisine: a run of 20 s tells lines 0.05 Hz apart, which are 100 up to 5 Hz; assumed."""
+MOST_LOOKED_AT = 200_000
+"""Moments at which a multisine's peak is looked for, at most; 20 s with lines up to 5 Hz take 5,000."""
 MOST_S = 86_400.0
 """Of a run."""
 INLINE_POINTS = 400
@@ -341,6 +345,10 @@ def _multisine(settings: Mapping[str, Any], duration: float, where: str) -> Call
     lines = settings.get("frequencies_hz", [ratio * base for ratio in MULTISINE_RATIOS])
     if not isinstance(lines, list | tuple) or not lines or not all(_is_positive(f) for f in lines):
         raise UserError(f"{where} has 'frequencies_hz' = {lines!r}; it should be a list of positive numbers.")
+    if len(lines) > MOST_LINES:
+        raise UserError(
+            f"{where} has {len(lines)} numbers in 'frequencies_hz'; it should have {MOST_LINES} at most."
+        )
     frequency = np.asarray(lines, dtype=np.float64)
     order = np.arange(len(frequency))
     phase = -np.pi * order * (order + 1) / len(frequency)  # Schroeder 1970: a low crest
@@ -348,7 +356,8 @@ def _multisine(settings: Mapping[str, Any], duration: float, where: str) -> Call
     def raw(time: Array) -> Array:
         return np.asarray(np.sin(2 * np.pi * np.outer(time, frequency) + phase).sum(axis=1))
 
-    peak = float(np.max(np.abs(raw(np.arange(0.0, duration, 0.02 / frequency.max())))))
+    step = max(0.02 / float(frequency.max()), duration / MOST_LOOKED_AT)
+    peak = float(np.max(np.abs(raw(np.arange(0.0, duration, step)))))
     return lambda time: raw(time) / peak
 
 
