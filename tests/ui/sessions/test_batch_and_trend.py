@@ -124,15 +124,21 @@ def day(number: int) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def test_the_trend_names_the_day_on_which_an_effect_came(
-    qtbot: QtBot, make_window, make_session, tmp_path: Path
-) -> None:  # type: ignore[no-untyped-def]
+def trend_of_ten_days(qtbot: QtBot, make_window, make_session, folder: Path):  # type: ignore[no-untyped-def]
+    """The Sessions tab on a folder with the verdicts of ten days, one session of them; the trend is open."""
     make_session("day-5.h5", phases=(("on_air", "extension"),))
     units = {"alone.coulomb_friction.coulomb_mcp": "N m", "alone.transport_delay.delay": "s"}
     rows = tuple(day(number) for number in range(10))
-    write_table(tmp_path / "verdicts.parquet", Contents(str(tmp_path.resolve()), (), rows, units))
-    tab = browsing(qtbot, make_window, tmp_path, 1)
+    write_table(folder / "verdicts.parquet", Contents(str(folder.resolve()), (), rows, units))
+    tab = browsing(qtbot, make_window, folder, 1)
     click(tab.widget, "showTrend")
+    return tab
+
+
+def test_the_trend_names_the_day_on_which_an_effect_came(
+    qtbot: QtBot, make_window, make_session, tmp_path: Path
+) -> None:  # type: ignore[no-untyped-def]
+    tab = trend_of_ten_days(qtbot, make_window, make_session, tmp_path)
     said = child(tab.widget, QLabel, "trendWords").text()
     assert said.startswith("Between day-4.h5 and day-5.h5 (2026-05-06) a new effect appeared, Coulomb joint")
     assert "missing in 0 of 5 sessions before and in 5 of 5 after" in said
@@ -165,12 +171,7 @@ def test_the_trend_names_the_day_on_which_an_effect_came(
 def test_the_course_of_the_chosen_number_is_marked_and_said_below_the_plot(
     qtbot: QtBot, make_window, make_session, tmp_path: Path
 ) -> None:  # type: ignore[no-untyped-def]
-    make_session("day-5.h5", phases=(("on_air", "extension"),))
-    units = {"alone.coulomb_friction.coulomb_mcp": "N m", "alone.transport_delay.delay": "s"}
-    rows = tuple(day(number) for number in range(10))
-    write_table(tmp_path / "verdicts.parquet", Contents(str(tmp_path.resolve()), (), rows, units))
-    tab = browsing(qtbot, make_window, tmp_path, 1)
-    click(tab.widget, "showTrend")
+    tab = trend_of_ten_days(qtbot, make_window, make_session, tmp_path)
     dialog = tab._trend
     said = child(tab.widget, QLabel, "courseWords")
     assert "came up from nothing to 2.0" in said.text()
