@@ -190,7 +190,7 @@ def weigh_two(first: Side, second: Side, size: float) -> tuple[dict[str, float],
         "second": grid + each[1],
         "neither": np.broadcast_to(grid, each[0].shape),
     }
-    logs = {kind: _log_sum(part) for kind, part in parts.items()}
+    logs = {kind: float(np.logaddexp.reduce(part, axis=None)) for kind, part in parts.items()}
     weight = np.exp(parts["differs"] - parts["differs"].max())
     means = [told / (of + v) for of, told in zip(a, p, strict=True)]
     spreads = [np.broadcast_to(1.0 / (of + v), weight.shape) for of in a]
@@ -201,8 +201,3 @@ def weigh_two(first: Side, second: Side, size: float) -> tuple[dict[str, float],
         )
     ]  # fmt: skip
     return logs, (ranges[0], ranges[1], ranges[2])
-
-
-def _log_sum(logs: Array) -> float:
-    top = float(logs.max())
-    return top + math.log(float(np.exp(logs - top).sum()))

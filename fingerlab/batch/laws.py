@@ -34,8 +34,6 @@ from fingerlab.batch.settings import (
 )
 from fingerlab.sessions.model import Array
 
-Z90 = 1.6448536269514722
-"""Half of a 90 % interval, in standard deviations of a normal distribution."""
 NEGLIGIBLE = 1e-5
 """Share of the likeliest part's weight below which a part counts nothing in an interval."""
 LEAST_LEVEL = 1e-6

@@ -14,9 +14,10 @@ from functools import cache
 
 import numpy as np
 
-from fingerlab.batch.laws import Z90, Prior
+from fingerlab.batch.laws import Prior
 from fingerlab.batch.table import Row, number_of
 from fingerlab.diagnosis.equations.parameters import nuisance_ranges
+from fingerlab.diagnosis.settings import Z90
 from fingerlab.effects import find_effect
 from fingerlab.physics.parameter import Parameter
 from fingerlab.rig.file import default_rig

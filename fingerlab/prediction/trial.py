@@ -107,6 +107,14 @@ class ModelForce:
     repeatability: float
     parts: Mapping[str, float]
 
+    @property
+    def courses(self) -> tuple[Array, Array, Array]:
+        """Time (s) and wanted force (N), (n,) each, and measured force of every run, N, (runs, n)."""
+        length = min(len(run.error.time) for run in self.runs)
+        first = self.runs[0].error
+        measured = np.stack([run.error.measured[:length] for run in self.runs])
+        return first.time[:length], first.wanted[:length], measured
+
 
 @dataclass(frozen=True)
 class Trial:

@@ -6,8 +6,6 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from fingerlab.core.text import number
 from fingerlab.prediction.trial import CAUSES, ModelForce, Trial
 
@@ -79,8 +77,8 @@ def share_sentence(trial: Trial) -> str:
         return ""
     if share == 0.0:
         return (
-            "In practice the found torque missed no less than the nominal one, which was therefore sent "
-            "for both."
+            "In practice the found torque, but for less than a tenth, missed no less than the nominal one, "
+            "which was therefore sent for both."
         )
     return f"Practice bore out {100 * share:.0f} % of the way from the nominal torque to the found one."
 
@@ -105,9 +103,7 @@ def trial_figures(trial: Trial) -> Mapping[str, Figure]:
     for model, colour in ((trial.nominal, MODELLED), (trial.found, CANDIDATE)):
         if model is None:
             continue
-        length = min(len(run.error.time) for run in model.runs)
-        time, wanted = model.runs[0].error.time[:length], model.runs[0].error.wanted[:length]
-        measured = np.stack([run.error.measured[:length] for run in model.runs])
+        time, wanted, measured = model.courses
         above.plot(time, measured.mean(axis=0), color=colour, lw=1.4, label=f"measured, {model.model} model")
         below.plot(time, 1e3 * (measured - wanted).T, color=colour, lw=0.5, alpha=0.5)
         below.plot(time, 1e3 * (measured.mean(axis=0) - wanted), color=colour, lw=1.4)

@@ -113,7 +113,7 @@ def verdict_on(machine: Session) -> Diagnosis:
 
 @pytest.mark.parametrize("name", ["hydraulic cylinder, 100 Hz, kN"])
 def test_a_strangers_log_has_its_friction_named_in_two_commands(name: str, tmp_path: Path) -> None:
-    """A decimal comma, kN and mm at 100 Hz; revolutions without a time; friction of 3.2 and of 0.028 N m."""
+    """A decimal comma, kN and mm at 100 Hz; friction of 3.2 N m."""
     maker = MAKERS[name]
     path = imported(maker, tmp_path)
     result = diagnosed(path)

@@ -10,7 +10,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QDialog, QDialogButtonBox, QWidget
 
 from fingerlab.core.text import NEWTON, ScreenUnit
-from fingerlab.prediction.trial import ModelForce, Trial
+from fingerlab.prediction.trial import Trial
 from fingerlab.report.trial import result_sentences, trial_row
 from fingerlab.sessions.model import Array
 
@@ -64,7 +64,7 @@ class TrialPlot(QuietPlot):
         for model in (trial.nominal, trial.found) if trial is not None else ():
             if model is None:
                 continue
-            time, wanted, measured = courses(model)
+            time, wanted, measured = model.courses
             if self._missed:
                 for run, one in zip(model.runs, measured, strict=True):
                     yield (
@@ -80,7 +80,7 @@ class TrialPlot(QuietPlot):
         if trial is not None and not self._missed:
             one = trial.found or trial.nominal
             assert one is not None
-            time, wanted, _ = courses(one)
+            time, wanted, _ = one.courses
             yield "wanted", "measured", True, time, wanted
 
     def redraw(self) -> None:
@@ -100,17 +100,6 @@ class TrialPlot(QuietPlot):
         """For CSV."""
         across, label = "Time in the profile (s)", self._label_text
         return [Series(name, across, label, time, values) for name, _, _, time, values in self._curves()]
-
-
-def courses(model: ModelForce) -> tuple[Array, Array, Array]:
-    """Time (s), wanted (N), (n,) each, and measured force of every run, N, (runs, n)."""
-    length = min(len(run.error.time) for run in model.runs)
-    first = model.runs[0].error
-    return (
-        first.time[:length],
-        first.wanted[:length],
-        np.stack([run.error.measured[:length] for run in model.runs]),
-    )
 
 
 class TrialDialog(QDialog):

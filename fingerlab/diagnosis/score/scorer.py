@@ -148,6 +148,7 @@ class Scorer:
         """The model, or the same under another law of the tip if that fits better.
 
         Not one that leaves less than nothing: through it more of the recordings is noise than they hold.
+        Noise alone scatters by some roots of the number of values; one for each value is far beyond that.
         """
         if not any(g.in_contact for g in self.reduced.groups):
             return fitted
