@@ -146,6 +146,7 @@ class Verdict:
         verdict: ``missing_effect``, ``nothing_missing`` or ``not_in_catalogue``, as in the table.
         effects: one of which is missing; where nothing is, those that the session could not have shown.
         probability: of the verdict. score: final error over its floor, None where there is none.
+        first: probability of the first of the effects, the likeliest; None where the table does not say.
         table: the file it stands in. outdated: whether the session was written after the table.
     """
 
@@ -155,6 +156,7 @@ class Verdict:
     score: float | None
     table: Path
     outdated: bool
+    first: float | None = None
 
 
 def find_verdicts(folder: Path, facts: Sequence[SessionFacts]) -> dict[Path, Verdict]:
@@ -209,7 +211,14 @@ def verdict_of(row: Row, table: Path, outdated: bool = False) -> Verdict | None:
         row.get("final_score"),
         table,
         outdated,
+        _likeliest(row),
     )
+
+
+def _likeliest(row: Row) -> float | None:
+    """Probability of the first effect of the row's set; None where it is not the one that is told of."""
+    effects, chance = row.get("set") or (), row.get("first_probability")
+    return chance if effects and effects[0] == row.get("first_effect") else None
 
 
 HELP = (

@@ -14,7 +14,7 @@ from fingerlab.report.parameter_words import parameter_title
 from fingerlab.report.score_words import apportioned
 
 TITLES = {
-    "unknown": "Not in the catalogue",
+    "unknown": "Left unexplained",
     "parameters": "Constants of the bench",
     "calibration": "Sensors and their calibration",
     "between_runs": "Differs from run to run",
@@ -33,7 +33,7 @@ PART_HELP = {
 }
 
 MENDS = {
-    "unknown": "No effect of the catalogue tells it: record the proposed run, or write an effect yourself.",
+    "unknown": "No effect of the catalogue tells it. Record the proposed run; it shows whether one is missing.",
     "parameters": "Record more runs, or measure by hand what weighs most: {}.",
     "calibration": "Calibrate anew what weighs most: {}.",
     "between_runs": "Warm the bench up and set the finger down alike before every run.",
@@ -184,10 +184,29 @@ def mending_sentence(diagnosis: Diagnosis) -> str:
     if not found:
         return f"Of the error of the {title}, all but the floor is too small to be worth mending."
     first = found[0]
+    share = f"{in_sentence(first.title)}, {_share(first)} of the squared error of the {title} on "
+    without = f"Without it the error would be {first.after}"
+    if not _for_nothing(diagnosis, first):
+        whole = _error(budget, sqrt(budget.mean_square))
+        return (
+            f"Worth mending first: {share}{judged_on(diagnosis)}. {without} instead of {whole}. "
+            f"{first.how}".rstrip()
+        )
+    return f"{_held_for_nothing(budget, title)} Largest part: {share}{judged_on(diagnosis)}. {without}."
+
+
+def _for_nothing(diagnosis: Diagnosis, part: BudgetLine) -> bool:
+    """Whether the verdict takes a part for too small to be told: then it is not called worth mending."""
+    return diagnosis.verdict == "nothing_missing" and part.kind == "unknown"
+
+
+def _held_for_nothing(budget: Budget, title: str) -> str:
+    """What remains beside the floor, where the verdict is that nothing is missing."""
+    floor = sum(part.mean_square for part in budget.parts if part.kind == "floor")
+    whole = _error(budget, sqrt(budget.mean_square))
     return (
-        f"Worth mending first: {in_sentence(first.title)}, {_share(first)} of the squared error of the "
-        f"{title} on {judged_on(diagnosis)}. Without it the error would be {first.after} instead of "
-        f"{_error(budget, sqrt(budget.mean_square))}. {first.how}".rstrip()
+        f"What remains is too small to be shown to be an effect: the error of the {title} is {whole}, its floor "
+        f"{_error(budget, sqrt(max(floor, 0.0)))}."
     )
 
 

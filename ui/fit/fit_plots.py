@@ -144,7 +144,7 @@ class PlanePlot(QuietPlot):
         (left, right), (low, high) = span_of(shown.x), span_of(np.concatenate([lhs, on_line]))
         high += 0.12 * (high - low)
         plot.setRange(xRange=(left, right), yRange=(low, high), padding=0)
-        r2 = f"R² = {r2_text(shown.r2)}"
+        r2 = f"R² within the run = {r2_text(shown.r2)}"
         words = f"{JOINT_TITLES[self.joint]}, {REGION_TITLES[self.region]}: {r2}"
         self.write_over((words, r2), (left, right), high)
         self.setAccessibleDescription(words)

@@ -148,7 +148,11 @@ COLUMNS = (
     ),
     ("Friction loss\n(mN m)", "L: the line's torque at no tension, with its 90 % interval. Nominal: 0."),
     ("Nominal loss\n(mN m)", "The nominal equations hold no friction loss."),
-    ("R²", "Of the line through all runs."),
+    (
+        "R²,\nall runs",
+        "Of one line through the samples of all runs, against their common mean. What differs from run to run "
+        "counts, so that it can be high where the line explains little within a run, as at a standstill.",
+    ),
     ("Delay\n(ms)", "By which the tension was shifted before the fit, mean over runs. Nominal: 0."),
 )
 LEAST_CHARACTERS = 16
@@ -244,10 +248,10 @@ class FitResultView(QWidget):
         self.run = ""
         self.speeds = {joint: SpeedPlot(joint) for joint in JOINTS}
         self.plane = PlanePlot()
-        self.r2 = RunBars("r2Bars", "R²", UNITLESS, top=1.06)
+        self.r2 = RunBars("r2Bars", "R² within the run", UNITLESS, top=1.06)
         self.r2.setToolTip(
-            "R² = 1 − Σ(LHS − line)² / Σ(LHS − mean)²: share of the joint torque's variance that the line of "
-            "the region explains, by run."
+            "R² = 1 − Σ(LHS − line)² / Σ(LHS − mean)²: share of the joint torque's variance within a run that "
+            "the run's own line explains. The table's is of one line through all runs, about their common mean."
         )
         self.delays = RunBars("delayBars", "Delay of torque after tension", MILLISECOND)
         self.delays.setToolTip(

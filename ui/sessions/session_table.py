@@ -83,9 +83,12 @@ def verdict_text(verdict: Verdict | None) -> str:
         return ""
     sure = "" if verdict.probability is None else percent(verdict.probability)
     if verdict.effects and not unseen_in(verdict):
-        # Several are those that the session cannot tell apart: the probability is that it is one of them.
-        words = " or ".join(effect_title(effect) for effect in verdict.effects)
-        sure = f"one of {len(verdict.effects)}, {sure}" if len(verdict.effects) > 1 and sure else sure
+        words, more = effect_title(verdict.effects[0]), len(verdict.effects) - 1
+        if more and verdict.first is None:  # the probability is that it is one of them
+            words = " or ".join(effect_title(effect) for effect in verdict.effects)
+            sure = f"one of {len(verdict.effects)}, {sure}" if sure else sure
+        elif more and verdict.first is not None:
+            sure = f"{percent(verdict.first)}, not ruled out: {more} more"
     else:
         words = verdict.verdict.replace("_", " ")
     return f"{words}\n{'outdated' if verdict.outdated else sure}"
@@ -96,6 +99,14 @@ def unseen_in(verdict: Verdict) -> tuple[str, ...]:
     return verdict.effects if verdict.verdict == "nothing_missing" else ()
 
 
+def _searched(verdict: Verdict | None) -> str:
+    """The verdict with every effect that it does not rule out: one is found by any of their names."""
+    found = verdict_text(verdict)
+    if verdict is None or unseen_in(verdict):
+        return found
+    return "\n".join((found, *map(effect_title, verdict.effects)))
+
+
 def verdict_help(verdict: Verdict | None) -> str:
     """Where the verdict comes from."""
     if verdict is None:
@@ -103,6 +114,9 @@ def verdict_help(verdict: Verdict | None) -> str:
     error = "" if verdict.score is None else f" Final error: {score_text(verdict.score)} times the floor."
     old = " The session was written after the table." if verdict.outdated else ""
     unseen = [in_sentence(effect_title(effect)) for effect in unseen_in(verdict)]
+    others = [in_sentence(effect_title(effect)) for effect in verdict.effects[1:]]
+    if others and verdict.first is not None and not unseen and verdict.probability is not None:
+        error = f"{error} Not ruled out: {listed(others)}; {percent(verdict.probability)} together."
     left = f" It leaves open, at a plausible strength: {listed(unseen)}." if unseen else ""
     return f"{' '.join(verdict_text(verdict).split())}, from {verdict.table.name}.{error}{left}{old}"
 
@@ -238,7 +252,7 @@ class SessionTable(QAbstractTableModel):
 
     def _entry(self, path: Path) -> LibraryEntry:
         note = self.note(path)
-        return LibraryEntry(self._facts[path], note.tags, note.notes, verdict_text(self.verdict(path)))
+        return LibraryEntry(self._facts[path], note.tags, note.notes, _searched(self.verdict(path)))
 
     def _text(self, path: Path, column: int) -> str:
         facts = self._facts[path]
