@@ -33,7 +33,7 @@ PART_HELP = {
 }
 
 MENDS = {
-    "unknown": "No effect of the catalogue tells it. Record the proposed run; it shows whether one is missing.",
+    "unknown": "No effect of the catalogue tells it. The proposed run shows whether one is missing.",
     "parameters": "Record more runs, or measure by hand what weighs most: {}.",
     "calibration": "Calibrate anew what weighs most: {}.",
     "between_runs": "Warm the bench up and set the finger down alike before every run.",
@@ -205,8 +205,8 @@ def _held_for_nothing(budget: Budget, title: str) -> str:
     floor = sum(part.mean_square for part in budget.parts if part.kind == "floor")
     whole = _error(budget, sqrt(budget.mean_square))
     return (
-        f"What remains is too small to be shown to be an effect: the error of the {title} is {whole}, its floor "
-        f"{_error(budget, sqrt(max(floor, 0.0)))}."
+        f"What remains is too small to be shown to be an effect: the error of the {title} is {whole}, its "
+        f"floor {_error(budget, sqrt(max(floor, 0.0)))}."
     )
 
 

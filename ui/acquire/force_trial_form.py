@@ -65,9 +65,9 @@ class ForceTrialFields(QObject):
     def add_to(self, form: QFormLayout) -> None:
         """Stand in a form, below what is there."""
         self._form = form
-        form.addRow("Model", self.model)
-        self.wanted.add_to(form, "Wanted")
-        form.addRow("Pairs", self.pairs)
+        form.addRow("Model (&JSON)", self.model)
+        self.wanted.add_to(form, "Wa&nted")
+        form.addRow("Pair&s", self.pairs)
 
     def set_shown(self, on: bool) -> None:
         """All rows, or none."""

@@ -150,7 +150,7 @@ COLUMNS = (
     ("Nominal loss\n(mN m)", "The nominal equations hold no friction loss."),
     (
         "R²,\nall runs",
-        "Of one line through the samples of all runs, against their common mean. What differs from run to run "
+        "Of one line through the samples of all runs, about their common mean. What differs from run to run "
         "counts, so that it can be high where the line explains little within a run, as at a standstill.",
     ),
     ("Delay\n(ms)", "By which the tension was shifted before the fit, mean over runs. Nominal: 0."),
@@ -250,8 +250,8 @@ class FitResultView(QWidget):
         self.plane = PlanePlot()
         self.r2 = RunBars("r2Bars", "R² within the run", UNITLESS, top=1.06)
         self.r2.setToolTip(
-            "R² = 1 − Σ(LHS − line)² / Σ(LHS − mean)²: share of the joint torque's variance within a run that "
-            "the run's own line explains. The table's is of one line through all runs, about their common mean."
+            "R² = 1 − Σ(LHS − line)² / Σ(LHS − mean)²: share of the joint torque's variance within a run "
+            "that the run's own line explains. The table's is of one line through all runs."
         )
         self.delays = RunBars("delayBars", "Delay of torque after tension", MILLISECOND)
         self.delays.setToolTip(

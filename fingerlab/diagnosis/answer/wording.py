@@ -266,6 +266,9 @@ def explanation(
 ) -> str:
     """One or two plain sentences with the evidence in numbers.
 
+    Those of the effect are told as of a first fit: once it is in the model all is fitted anew, and what is
+    then still missed, from which the intervals follow, is another.
+
     Args:
         shown: whether it would have shown at a typical strength. least: the multiple of that from which on.
         replaced: ids of the effects of the base in whose place it is in ``fitted``.
@@ -287,7 +290,7 @@ def explanation(
         f"{_grid_value(found) if name in effect.shape_units else estimate_text(found)}"
         for name, found in parameters(fitted, effect, evidence.temperature).items()
     ]
-    found = f" ({'; '.join(numbers)})" if numbers else ""
+    found = f" (first fit: {'; '.join(numbers)})" if numbers else ""
     there = f" in place of {_in_sentence(evidence.base, replaced)}" if replaced else ""
     bounds = _at_bounds(fitted, effect)
     return f"{said[:-1]}{found}. With it{there} {error} goes from {fall}.{bounds}"

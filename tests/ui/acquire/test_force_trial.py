@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtTest import QTest
-from PySide6.QtWidgets import QFileDialog
+from PySide6.QtWidgets import QAbstractButton, QFileDialog, QLabel
 from pytestqt.qtbot import QtBot
 
 from fingerlab.devices.simulated import Simulation
@@ -65,6 +65,20 @@ def answer(rig: Rig, qtbot: QtBot) -> str:
     asked = rig.label("prompt")
     QTest.mouseClick(prompt.button, LEFT)
     return asked
+
+
+def test_each_of_its_rows_has_a_letter_that_nothing_else_on_the_page_has(bench: Rig) -> None:
+    window = bench.window
+    fields = bench.tab.panel.protocol.trial
+    labels = [one for one in window.findChildren(QLabel) if one.buddy() and one.isVisible()]
+    seen: list[QLabel | QAbstractButton] = [*labels]
+    seen += [one for one in window.findChildren(QAbstractButton) if one.isVisible()]
+    taken = [one.text().replace("&&", "") for one in seen]
+    taken += [action.text() for action in window.menuBar().actions() if action.isVisible()]
+    letters = [text[text.index("&") + 1].upper() for text in taken if "&" in text]
+    for field in (fields.model, fields.wanted.kind, fields.pairs):
+        (label,) = [one.text() for one in labels if one.buddy() is field]
+        assert letters.count(label[label.index("&") + 1].upper()) == 1, (label, taken)
 
 
 @pytest.mark.qt_log_ignore("This plugin does not support")  # a dialog, on a screen that is none

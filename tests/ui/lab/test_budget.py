@@ -16,6 +16,7 @@ from PySide6.QtWidgets import QComboBox, QTableWidget
 from pytestqt.qtbot import QtBot
 
 from fingerlab.diagnosis.answer.results import Budget, BudgetPart, Diagnosis
+from fingerlab.report.budget_words import mending_sentence
 from fingerlab.sessions.model import Session
 from fingerlab.ui.app.window import MainWindow
 from fingerlab.ui.lab.budget import BudgetPlot
@@ -23,6 +24,7 @@ from fingerlab.ui.lab.error_path import ErrorPath
 from fingerlab.ui.widgets.plot_export import save_plot
 from fingerlab.ui.widgets.plot_figure import Paper
 
+from .. import invented
 from ..hands import child, invented_diagnosis, lab_of, wait_for_result
 
 pytestmark = pytest.mark.qt_log_ignore("This plugin does not support")
@@ -84,6 +86,24 @@ def test_bars_follow_one_another_and_the_table_adds_up(window: MainWindow) -> No
     assert shares[:2] == [110.0, -33.3]
     assert sum(shares) == pytest.approx(100.0, abs=1e-9)
     assert table.item(0, 2).text() == "90 to 110, mean 100"
+
+
+def test_what_the_verdict_holds_for_nothing_is_not_worth_mending() -> None:
+    """Of 8.2 mN m, 62 % of the square is told by no effect, and the rest is the floor."""
+    whole = 0.0082**2
+    left = Budget("N m", whole, (BudgetPart("unknown", 0.62 * whole), BudgetPart("floor", 0.38 * whole)))
+    nothing = invented.nominal_diagnosis("s.h5")
+    nothing = replace(nothing, verdict="nothing_missing", budget={"joint_torque": left})
+    said = mending_sentence(nothing)
+    # The root of 0.38 of the square is 5.05 mN m.
+    assert said == (
+        "What remains is too small to be shown to be an effect: the error of the joint torque is 8.2 mN m, "
+        "its floor 5.1 mN m. Largest part: left unexplained, 62 % of the squared error of the joint torque "
+        "on runs left out of the fit. Without it the error would be 5.1 mN m."
+    )
+    assert mending_sentence(replace(nothing, verdict="not_in_catalogue")).startswith(
+        "Worth mending first: left"
+    )
 
 
 def test_saved_figures_say_what_their_axis_is(window: MainWindow, tmp_path: Path) -> None:

@@ -107,6 +107,9 @@ def test_the_browser_does_not_show_them_as_found() -> None:
     assert verdict_text(found) == "Tilted base\n90 %"
     either = replace(found, effects=("gravity_tilt", "viscous_friction"))
     assert verdict_text(either) == "Tilted base or Viscous joint friction\none of 2, 90 %"
+    first = replace(either, first=0.897)
+    assert verdict_text(first) == "Tilted base\n90 %, not ruled out: 1 more"
+    assert "Not ruled out: viscous joint friction; 90 % together" in verdict_help(first)
     assert "leaves open" not in verdict_help(found)
 
 
