@@ -12,8 +12,9 @@ from pathlib import Path
 import h5py
 import numpy as np
 from click.testing import CliRunner
-from PySide6.QtCore import QEventLoop, QItemSelectionModel, QTimer
-from PySide6.QtWidgets import QLabel, QTableView, QWidget
+from PySide6.QtCore import QEventLoop, QItemSelectionModel, Qt, QTimer
+from PySide6.QtTest import QTest
+from PySide6.QtWidgets import QComboBox, QLabel, QTableView, QWidget
 
 from fingerlab.acquisition.bench.process_bench import InlineBench
 from fingerlab.acquisition.bench.steering import LoopSettings
@@ -38,6 +39,7 @@ from fingerlab.ui.calibrate.calibrate_tab import CalibrateTab
 from fingerlab.ui.calibrate.result_page import ResultPage
 from fingerlab.ui.fit.fit_tab import FitTab
 from fingerlab.ui.fit.fit_view import ReplicateDialog
+from fingerlab.ui.lab.budget import BudgetDialog
 from fingerlab.ui.lab.model_dialogs import SideBySideDialog
 from fingerlab.ui.lab.model_lab_tab import ModelLabTab
 from fingerlab.ui.lab.own_effects import OwnEffects
@@ -110,6 +112,11 @@ def acquire_states(window: MainWindow, folder: Path) -> Iterator[str]:
     tab.plots.tick()
     yield "prompt"
     tab.controller.stop()
+    wait_until(lambda: not tab.recording.in_protocol)
+    pause(300)
+    window.context.hush()
+    protocol.which.setCurrentIndex(protocol.which.findData("force_trial"))
+    yield "force-trial"
 
 
 def calibrate_states(window: MainWindow, folder: Path) -> Iterator[str]:
@@ -167,7 +174,10 @@ def calibrate_states(window: MainWindow, folder: Path) -> Iterator[str]:
 
 
 def lab_states(window: MainWindow, folder: Path) -> Iterator[str]:
-    """Nothing open; a session with one effect: what is missing, where, after it is added; a value moved."""
+    """Nothing open; a session with one effect: what is missing, where, after it is added; a value moved.
+
+    Besides: a run's spectrum, the budget of the error and a figure to be saved.
+    """
     yield "empty"
     tab = opened_in_lab(window, record(folder / "finger-rig.h5"))
     tell_diagnosis("model_lab", tab)
@@ -177,11 +187,25 @@ def lab_states(window: MainWindow, folder: Path) -> Iterator[str]:
     pause(300)
     FACTS["model_lab.worst"] = tab.view.where.words.text()
     yield "where"
+    over = tab.widget.findChild(QComboBox, "whereCoordinate")
+    assert over is not None
+    QTest.keyClick(over, Qt.Key.Key_End)
+    pause(300)
+    yield "spectrum"
+    QTest.keyClick(over, Qt.Key.Key_Home)
+    tab.view.show_budget()
+    (budget,) = window.findChildren(BudgetDialog)
+    yield "budget"
+    budget.close()
     tab.view.go_to("add")
     add_best(window, tab)
     tell_diagnosis("model_lab.added", tab)
     tell_truth("model_lab.added", tab)
     yield "added"
+    window.plots.ask_and_save(tab.view.plot)
+    assert window.plots.dialog is not None
+    yield "figure"
+    window.plots.dialog.close()
     tab.view.show_side_by_side()
     (beside,) = window.findChildren(SideBySideDialog)
     wait_until(lambda: not window.tasks.busy)
@@ -233,7 +257,8 @@ def tell_diagnosis(name: str, tab: ModelLabTab) -> None:
     """The numbers of the present comparison, as the tab words them."""
     diagnosis = tab.controller.diagnosis
     assert diagnosis is not None
-    best, second, *_ = words.shown_best_first(diagnosis)
+    best = words.shown_best_first(diagnosis)[0]
+    second = max((c for c in diagnosis.candidates if c is not best), key=lambda c: c.probability)
     FACTS[f"{name}.score"] = score_text(diagnosis.score)
     FACTS[f"{name}.best"] = best.title
     FACTS[f"{name}.best_score"] = score_text(best.score)
@@ -403,8 +428,8 @@ def predict_states(window: MainWindow, folder: Path) -> Iterator[str]:
     wanted = tab.wanted
     tab.views.choose("wanted")
     wanted.panel.model.setCurrentText("with-effect.json: nominal model + Coulomb joint friction")
-    wanted.panel.numbers["mean_n"].setValue(0.8)
-    wanted.panel.numbers["amplitude_n"].setValue(0.3)
+    wanted.panel.wanted.numbers["mean_n"].setValue(0.8)
+    wanted.panel.wanted.numbers["amplitude_n"].setValue(0.3)
     pause(500)  # the torque is asked for a moment after the last edit
     wait_until(lambda: wanted.plan is not None and not window.tasks.busy)
     FACTS["predict.wanted.model"] = wanted.panel.model.currentText()

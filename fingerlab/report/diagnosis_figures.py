@@ -236,13 +236,13 @@ def path_figure(path: Sequence[PathStep], given: Sequence[str]) -> Figure:
 def budget_figure(budget: Budget, family: str) -> Figure:
     """What a squared error is made of, from all of it at the top down to nothing, in per cent."""
     figure, (axes,) = new_figure(1, 1, (5.6, 1.0 + 0.36 * (len(budget.parts) + 1)))
-    draw_budget(axes, budget)
-    label(axes, f"squared error of the {in_sentence(FAMILY_TITLES.get(family, family))}, %", "")
+    draw_budget(axes, budget, family)
     return figure
 
 
-def draw_budget(axes: Axes, budget: Budget) -> None:
+def draw_budget(axes: Axes, budget: Budget, family: str) -> None:
     """Bars from top to bottom: the whole, then what each part takes away, with its share."""
+    label(axes, f"squared error of the {in_sentence(FAMILY_TITLES.get(family, family))}, %", "")
     reached, bars = 100.0, [("All of it", 0.0, 100.0, RESIDUAL)]
     for one in budget_lines(budget):
         colour = {"effect": CANDIDATE, "floor": FLOOR}.get(one.kind, MODELLED)

@@ -42,6 +42,10 @@ NEARLY_AS_LIKELY = 1.1
 TOLD = 3.0
 """Log odds (twenty to one) from which on one model is told from another without a further recording."""
 
+IMPROBABLE = 0.01
+"""Probability below which an effect that is not ruled out is named apart from those that are like each other;
+assumed."""
+
 MOST_PAIRED_NAMES = 3
 """So many effects are named beside a pair's difference, those that tell it best."""
 
@@ -183,7 +187,7 @@ def _verdict_sentence(diagnosis: Diagnosis) -> str:
             f"and none of the {len(diagnosis.candidates)} effects tried explains it."
         )
     best = shown_best_first(diagnosis)[0]
-    several = len(diagnosis.set) > 1
+    several = len(not_told_apart(diagnosis)) > 1
     fall = (
         f"with {'the first of them' if several else 'it'} the error on {judged_on(diagnosis)} falls "
         f"from {score} to {score_text(best.score)} times {_floor(diagnosis)}"
@@ -197,6 +201,17 @@ def _verdict_sentence(diagnosis: Diagnosis) -> str:
         )
     title, chance = in_sentence(best.title), percent(best.probability)
     return f"{title[:1].upper()}{title[1:]} is missing from {model} ({chance} probable): {fall}."
+
+
+def not_told_apart(diagnosis: Diagnosis) -> tuple[str, ...]:
+    """Of the effects that cannot be ruled out, the likeliest and those that are not improbable beside it."""
+    sure = {one.effect: one.probability for one in diagnosis.candidates}
+    return tuple(name for k, name in enumerate(diagnosis.set) if k == 0 or sure.get(name, 1.0) >= IMPROBABLE)
+
+
+def improbable_rivals(diagnosis: Diagnosis) -> tuple[str, ...]:
+    """Effects that cannot be ruled out although they are improbable beside the others of the set."""
+    return tuple(name for name in diagnosis.set if name not in not_told_apart(diagnosis))
 
 
 def holds(diagnosis: Diagnosis) -> bool:
@@ -262,10 +277,16 @@ def set_sentence(diagnosis: Diagnosis) -> str:
     if diagnosis.set and diagnosis.verdict == "not_in_catalogue":
         return f"Stronger than is thought possible, it could still be one of these: {_names(diagnosis.set)}."
     besides = _outcomes_left_open(diagnosis)
+    alike, others = not_told_apart(diagnosis), improbable_rivals(diagnosis)
     if len(diagnosis.set) > 1:
+        text = f"These data cannot tell apart {_names(alike)}." if len(alike) > 1 else ""
+        if others:
+            each = "each below" if len(others) > 1 else "below"
+            text += f"{' ' if text else ''}Improbable, {each} {percent(IMPROBABLE)}, but not ruled out: "
+            text += f"{_names(others)}."
         return (
-            f"These data cannot tell apart {_names(diagnosis.set)}. The one that is truly missing is meant "
-            f"to be among them in 95 % of such cases.{besides}"
+            f"{text} The one that is truly missing is meant to be among these {len(diagnosis.set)} in 95 % "
+            f"of such cases.{besides}"
         )
     if diagnosis.set:
         first = effect_title(diagnosis.set[0])

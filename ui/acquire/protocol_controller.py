@@ -214,6 +214,7 @@ class ProtocolController(QObject):
         recording.controller.stopped.connect(lambda _: prompt.over())
         panel.motion.edited.connect(self.tell_total)
         panel.protocol.edited.connect(self.tell_total)
+        panel.protocol.which.currentIndexChanged.connect(self._on_which)
         context.protocol_handed.connect(self._on_protocol_handed)
         context.trajectory_handed.connect(self._on_trajectory_handed)
         self.tell_total()
@@ -264,6 +265,12 @@ class ProtocolController(QObject):
         step = f": {countdown(step_left_s)}" if step_left_s > 0 else ""
         panel.left.setText(f"{words[:1].upper()}{words[1:]}{step} · in all {countdown(left_s)} left")
         self._recording.controller.doing = f"protocol, {words}"
+
+    def _on_which(self, _row: int) -> None:
+        """How the last protocol ended is not said of another one."""
+        if not self._recording.in_protocol:
+            self._panel.left.setText("")
+            self._panel.progress.setValue(0)
 
     def _on_ended(self, how: str) -> None:
         self._prompt.over()

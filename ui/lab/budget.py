@@ -122,7 +122,7 @@ class BudgetPlot(QuietPlot):
         from fingerlab.report.diagnosis_figures import draw_budget
 
         if self._budget is not None:
-            draw_budget(figure.subplots(), self._budget)
+            draw_budget(figure.subplots(), self._budget, self._family)
 
 
 class BudgetDialog(QDialog):

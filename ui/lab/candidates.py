@@ -144,7 +144,7 @@ def _spoken(row: CandidateRow) -> str:
     text = f"{row.title}{instead}: probability {percent(row.probability)}"
     text += f", error with it {score_text(row.score)} floors" if row.score is not None else ""
     if row.in_set:
-        text += ", cannot be told apart from the others that are marked"
+        text += ", cannot be ruled out, as the others that are marked"
     return f"{text}, {row.remark}" if row.remark else text
 
 

@@ -161,11 +161,12 @@ class ErrorPath(QWidget):
 
     def draw_figure(self, figure: Figure) -> None:
         """The bars with their names and numbers, for paper."""
-        from fingerlab.report.figure_style import CANDIDATE, RESIDUAL, draw_score_bars
+        from fingerlab.report.figure_style import CANDIDATE, RESIDUAL, draw_score_bars, label
 
         names = [f"{bar.title} ({bar.remark})" if bar.remark else bar.title for bar in self.bars]
         colours = [RESIDUAL if bar.tried else CANDIDATE for bar in self.bars]
-        draw_score_bars(figure, names, [bar.score for bar in self.bars], colours)
+        axes = draw_score_bars(figure, names, [bar.score for bar in self.bars], colours)
+        label(axes, "held-out error, in multiples of the floor", "")
 
     def event(self, event: QEvent) -> bool:
         if event.type() == QEvent.Type.ToolTip and isinstance(event, QHelpEvent):

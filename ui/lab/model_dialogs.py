@@ -291,7 +291,10 @@ class SideBySideDialog(QDialog):
         self.evidence = described(WholeLabel(), "bothEvidence", font=small_font())
         self.title = described(QLabel(), "bothTitle", font=small_font())
         self.plot = ResidualsPlot()
-        tops = hbox(None, QLabel("A"), (self.choices[0], 1), 8, QLabel("B"), (self.choices[1], 1))
+        letters = [QLabel(f"&{name}") for name in "AB"]
+        for letter, choice in zip(letters, self.choices, strict=True):
+            letter.setBuddy(choice)
+        tops = hbox(None, letters[0], (self.choices[0], 1), 8, letters[1], (self.choices[1], 1))
         buttons = QDialogButtonBox(QDialogButtonBox.StandardButton.Close)
         for name, choice in zip("AB", self.choices, strict=True):
             button = buttons.addButton(f"Show {name} in the lab", QDialogButtonBox.ButtonRole.ActionRole)

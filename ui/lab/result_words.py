@@ -17,6 +17,7 @@ from fingerlab.diagnosis.answer.results import (
     Failure,
 )
 from fingerlab.report.diagnosis_words import (
+    IMPROBABLE,
     NOTHING_WORDS,
     PHASE_WORDS,
     UNKNOWN_WORDS,
@@ -25,10 +26,12 @@ from fingerlab.report.diagnosis_words import (
     exchange_words,
     held_sentence,
     holds,
+    improbable_rivals,
     in_sentence,
     left_open,
     listed,
     not_shown,
+    not_told_apart,
     rivalled,
     would_show,
 )
@@ -194,14 +197,18 @@ def _set_words(diagnosis: Diagnosis) -> str:
         text += f"{' ' if text else ''}Too weak to tell: {_named(weak)}." if weak else ""
         shown = would_show(diagnosis)
         return f"{text} The proposed run would show {_named(shown)}." if shown else text
-    titles = [in_sentence(effect_title(name)) for name in diagnosis.set]
+    titles = [in_sentence(effect_title(name)) for name in not_told_apart(diagnosis)]
+    others = [in_sentence(effect_title(name)) for name in improbable_rivals(diagnosis)]
+    also = f"Below {percent(IMPROBABLE)}, but not ruled out: {listed(others)}." if others else ""
+    if also and len(titles) < 2:
+        return also
     if diagnosis.better is not None and len(titles) < 2:
         return f"That the model is right as it is: {percent(diagnosis.probability_nothing)}."
     if len(titles) < 2:
         if diagnosis.verdict == UNKNOWN:
             return f"None of the {len(diagnosis.candidates)} effects tried explains it."
         return "Told apart from every other effect." if titles else "No effect is called for."
-    return f"Cannot be told apart here: {listed(titles)}."
+    return f"Cannot be told apart here: {listed(titles)}.{' ' if also else ''}{also}"
 
 
 def _exchange_note(diagnosis: Diagnosis) -> str:

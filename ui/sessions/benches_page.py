@@ -53,7 +53,10 @@ class BenchesPage(QWidget):
             "their evidence. Ctrl+C copies the table."
         )
         self._contents: Contents | None = None
-        chosen = hbox(None, QLabel("First"), self.first, QLabel("Second"), self.second, Spacer(1), spacing=8)
+        first, second = QLabel("&First"), QLabel("&Second")
+        first.setBuddy(self.first)
+        second.setBuddy(self.second)
+        chosen = hbox(None, first, self.first, second, self.second, Spacer(1), spacing=8)
         vbox(self, chosen, self.words, (self.table, 1), self.hint, Spacer(), spacing=8)
 
     def show_contents(self, contents: Contents) -> None:

@@ -7,6 +7,7 @@ cursors. A picture of the screen would carry the screen's scale, theme and pixel
 from __future__ import annotations
 
 import io
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from textwrap import fill
@@ -43,6 +44,7 @@ BUCKETS = 2000
 """Of a long curve, at least five a printed millimetre; the eye sees no more, and the file stays small."""
 STACK_GAP = 0.02
 HATCH = "////"
+NO_BREAK = "\u00a0"
 STYLES = {
     Qt.PenStyle.SolidLine: "solid",
     Qt.PenStyle.DashLine: "dashed",
@@ -113,6 +115,12 @@ def figure_of(widget: QWidget, paper: Paper) -> Figure:
         title = fill(paper.title, max(int(paper.width / TITLE_LETTER_MM), 10))
         figure.suptitle(title, fontsize=TITLE_SIZE, x=0.01, ha="left")
     return figure
+
+
+def _in_lines(label: str, letters: int) -> str:
+    """Words in lines that are no longer than ``letters`` where that can be; a unit is never parted."""
+    kept = re.sub(r"\([^)]*\)$", lambda unit: unit[0].replace(" ", NO_BREAK), label)
+    return fill(kept, letters, break_long_words=False).replace(NO_BREAK, " ")
 
 
 def full_label(plot: pg.PlotItem, side: str) -> str:
@@ -207,7 +215,7 @@ def _draw_plot(axes: Axes, plot: pg.PlotItem, ink: _Ink) -> None:
         label = full_label(plot, side)
         if label and shown.isVisible():
             letters = max(int(axis_height(axes) / LETTER_MM), 8)
-            name(fill(label, letters) if side == "left" else label, fontsize=LABEL_SIZE)
+            name(_in_lines(label, letters) if side == "left" else label, fontsize=LABEL_SIZE)
         if not (shown.isVisible() and shown.style["showValues"]):
             axis.set_tick_params(labelbottom=False, labelleft=False)
         # Round values are matplotlib's own; words under bars (runs) are the plot's.

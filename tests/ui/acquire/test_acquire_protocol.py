@@ -207,6 +207,9 @@ def test_a_stopped_protocol_goes_on_with_the_run_in_which_it_was_stopped(rig: Ri
     assert asked == [(0.5, 10.0), (1.0, 5.0), (1.0, 10.0)]
     assert [run.length for run in runs] == [2000, 2000, 2000]
     assert rig.tab.panel.protocol.first.value() == 1  # all are taken
+    assert said.text() == "All runs taken"
+    rig.choose("protocol", "force_trial")
+    assert not said.text()  # that was said of another protocol
 
 
 def test_a_table_of_runs_is_chosen_and_a_wrong_one_says_why(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pyqtgraph as pg
@@ -18,6 +19,9 @@ from fingerlab.diagnosis.answer.results import Budget, BudgetPart, Diagnosis
 from fingerlab.sessions.model import Session
 from fingerlab.ui.app.window import MainWindow
 from fingerlab.ui.lab.budget import BudgetPlot
+from fingerlab.ui.lab.error_path import ErrorPath
+from fingerlab.ui.widgets.plot_export import save_plot
+from fingerlab.ui.widgets.plot_figure import Paper
 
 from ..hands import child, invented_diagnosis, lab_of, wait_for_result
 
@@ -80,3 +84,22 @@ def test_bars_follow_one_another_and_the_table_adds_up(window: MainWindow) -> No
     assert shares[:2] == [110.0, -33.3]
     assert sum(shares) == pytest.approx(100.0, abs=1e-9)
     assert table.item(0, 2).text() == "90 to 110, mean 100"
+
+
+def test_saved_figures_say_what_their_axis_is(window: MainWindow, tmp_path: Path) -> None:
+    """Of bars the axis has a name and a unit on paper, too."""
+    lab_of(window).view.show_budget()
+    plot = child(window, BudgetPlot, "budgetPlot")
+    for widget, expected in (
+        (plot, "squared error of the endpoint force, %"),
+        (child(window, ErrorPath, "errorPath"), "held-out error, in multiples of the floor"),
+    ):
+        save_plot(widget, tmp_path / "figure.svg")
+        assert expected in (tmp_path / "figure.svg").read_text(encoding="utf-8")
+
+
+def test_a_unit_is_not_parted_where_a_label_takes_two_lines(window: MainWindow, tmp_path: Path) -> None:
+    save_plot(lab_of(window).view.plot, tmp_path / "low.svg", Paper(170.0, 60.0, 96, ""))
+    words = [node.text for node in ElementTree.parse(tmp_path / "low.svg").iter() if node.text]
+    assert "(mN m)" in {word.strip() for word in words} or "Residual (mN m)" in words
+    assert not [word for word in words if word.strip() in ("m)", "(mN", "Residual (mN")]

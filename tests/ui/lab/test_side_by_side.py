@@ -64,6 +64,8 @@ def test_two_branches_stand_beside_each_other(branched: MainWindow) -> None:
     assert "6 % larger near zero speed" in evidence
     assert evidence.startswith("A, as it was foretold before the fit with it: ")
     first = child(branched, QComboBox, "modelA")
+    letters = {one.text(): one.buddy() for one in first.window().findChildren(QLabel) if one.buddy()}
+    assert letters["&A"] is first
     first.setFocus()
     QTest.keyClick(first, Qt.Key.Key_Home)  # the nominal model
     assert "nominal model" in first.currentText()

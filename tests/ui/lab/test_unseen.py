@@ -12,7 +12,7 @@ from pytestqt.qtbot import QtBot
 
 from fingerlab.diagnosis.answer.results import Diagnosis, HeldOutRuns
 from fingerlab.library.notes import Verdict
-from fingerlab.report.diagnosis_words import set_sentence
+from fingerlab.report.diagnosis_words import set_sentence, verdict_sentence
 from fingerlab.ui.app.window import MainWindow
 from fingerlab.ui.lab.result_words import set_help, set_words
 from fingerlab.ui.lab.truth import HeldOutTable
@@ -83,6 +83,20 @@ def test_many_effects_are_counted_and_named_in_the_tooltip() -> None:
     assert set_words(many).endswith("cable stretch, mass that the budget left out and 2 more.")
     assert "drift of an angle sensor" in set_help(many).lower()
     assert set_help(few) == ""
+
+
+def test_an_effect_that_is_not_ruled_out_but_improbable_is_said_apart() -> None:
+    """As where the set keeps a law of the likeliest's kind at less than one in a hundred."""
+    known = invented.nominal_diagnosis("s.h5")
+    alike, rival = known.candidates[:2]
+    assert set_words(known).startswith("Cannot be told apart here: Coulomb joint friction and Stribeck")
+    far = replace(known, candidates=(alike, replace(rival, probability=0.004), *known.candidates[2:]))
+    assert set_words(far) == "Below 1 %, but not ruled out: Stribeck joint friction."
+    assert verdict_sentence(far).startswith("Coulomb joint friction is missing from the nominal model (83 %")
+    assert set_sentence(far).startswith(
+        "Improbable, below 1 %, but not ruled out: Stribeck joint friction. The one that is truly missing is "
+        "meant to be among these 2 in 95 % of such cases."
+    )
 
 
 def test_the_browser_does_not_show_them_as_found() -> None:
