@@ -177,7 +177,12 @@ def _judge(session: Session, run: Run, tally: _Tally) -> list[Finding]:
         return [Finding("error", run.name, text)]
     if tally.gaps:
         found.append(
-            Finding("warning", run.name, f"{tally.gaps} gaps in time, {tally.lost} samples lost in them.")
+            Finding(
+                "warning",
+                run.name,
+                f"{tally.gaps} gap{'s' * (tally.gaps != 1)} in time, {tally.lost} "
+                f"sample{'s' * (tally.lost != 1)} lost.",
+            )
         )
     if run.length < 2:
         found.append(Finding("warning", run.name, "only one sample; nothing can be fitted to it."))

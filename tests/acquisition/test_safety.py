@@ -162,6 +162,25 @@ def test_a_motor_that_holds_against_a_steady_load_has_no_stuck_encoder() -> None
         assert check.fault(reading) is None
 
 
+@pytest.mark.parametrize(
+    ("force", "current", "trips"),
+    [
+        (1.0, 1.5, False),  # held by friction: it presses as before
+        (1.4, 1.5, True),  # it turned unseen: the load cell tells
+        (0.0, 1.5, True),  # let go of the load cell
+        (1.0, 0.45, True),  # no friction holds 2.1 A of 2.5
+    ],
+)
+def test_a_pressing_motor_may_be_held_by_friction_but_not_turn_unseen(
+    force: float, current: float, trips: bool
+) -> None:
+    check, reading = EncoderStuck(1.5, 0.5, 30, load_cell=True), healthy()
+    reading.current = current
+    check.fault(reading)
+    reading.current, reading.force = 2.5, force
+    assert any(check.fault(reading) is not None for _ in range(60)) == trips
+
+
 def test_a_stuck_sensor_is_told_from_a_finger_at_rest() -> None:
     check, reading = Stuck(1, "position", 0.17, 500, "MCP sensor"), healthy()
     assert all(check.fault(reading) is None for _ in range(2000))  # nothing moves

@@ -19,6 +19,7 @@ from fingerlab.acquisition.control.machine import (
     SetGains,
     SetUp,
     Start,
+    Tare,
 )
 from fingerlab.acquisition.control.motion import FREE_SPEED
 from fingerlab.acquisition.control.safety import Bounds, Reading
@@ -26,9 +27,11 @@ from fingerlab.acquisition.control.trajectories import read_trajectory
 from fingerlab.acquisition.protocols.steps import Change, Record, plan_steps
 from fingerlab.acquisition.status import Number, Slot
 from fingerlab.core.errors import UserError
+from fingerlab.devices.faults import Faults, SensorFault
 from fingerlab.devices.simulated import SimulatedRig, Simulation
 from fingerlab.rig.limits import Limits
 from fingerlab.sessions.trajectory import trajectory_words
+from fingerlab.twin.effects import parse_effects
 from fingerlab.twin.protocols import single_run
 from tests.acquisition import fake_device
 from tests.acquisition.driving import SINE, Driven
@@ -254,3 +257,23 @@ def test_gains_are_changed_while_it_runs_without_a_jump_and_within_their_ranges(
         "The proportional gain is 30; it should be 3.5 to 18 A/rad."
     )
     assert driven.board.number(Number.PROPORTIONAL) == 18.0
+
+
+@pytest.mark.parametrize("blind", [False, True])
+def test_friction_may_hold_a_pressing_motor_and_an_encoder_that_is_off_stops_it(blind: bool) -> None:
+    """A slow swing against a sheath and a gearbox with much friction, both within their ranges."""
+    off = (SensorFault("encoder_counts", 6300, stuck=True),) if blind else ()
+    effects = parse_effects(("load_dependent_friction=0.3", "capstan_friction=0.3"))
+    bench = Driven(SimulatedRig(simulation=Simulation(seed=1, effects=effects), faults=Faults(sensors=off)))
+    assert bench.ask(SetUp("contact", "flexion")) == ""
+    bench.cycles(1500)
+    for command in (Initialise(), Tare(), Enable()):
+        assert bench.ask(command) == ""
+    time = np.arange(0.0, 10.01, 0.02)
+    swing = 0.255 - 0.105 * np.cos(math.pi * (time - 2.0))
+    torque = np.where(time < 2.0, 0.075 * time, swing)
+    pull = {"kind": "torque", "time_s": time.tolist(), "torque_n_m": torque.tolist(), "ramp_s": 0.0}
+    assert bench.ask(Start(pull)) == ""
+    bench.cycles(9000, lambda: bool(bench.fault))
+    assert bench.fault.startswith("The encoder stands still under") == blind
+    assert bool(bench.fault) == blind

@@ -42,9 +42,7 @@ def test_info_as_json_and_nothing_else(make_session, capsys):
     assert result["runs"][1]["lost_samples"] == 10
     assert result["runs"][0]["seconds"] == 4.0
     assert result["rig"]["tolerance"] == {"mcp_stiffness": 0.1}
-    assert {"level": "warning", "run": "002", "text": "1 gaps in time, 10 samples lost in them."} in result[
-        "findings"
-    ]
+    assert {"level": "warning", "run": "002", "text": "1 gap in time, 10 samples lost."} in result["findings"]
 
 
 def test_info_runs_on_every_recording_from_outside(shared_data, capsys):

@@ -440,7 +440,10 @@ def safety_checks(
         ),
         *([Rise("tension", limits.tension_rise, period, "cable tension", "N/s")] if sense else []),
         EncoderStuck(
-            limits.encoder_stuck_current, limits.encoder_stuck_change, samples(limits.encoder_stuck_time)
+            limits.encoder_stuck_current,
+            limits.encoder_stuck_change,
+            samples(limits.encoder_stuck_time),
+            load_cell=force,
         ),
         *([] if proves_drive else [EncoderSense()]),
         FollowingError(limits.following_error, samples(limits.following_time)),

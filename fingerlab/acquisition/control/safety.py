@@ -163,31 +163,55 @@ class EncoderStuck:
     """A motor that is neither blocked nor blind moves its encoder by some counts when its current changes.
 
     Under a steady current it may stand: against the load cell, or where friction holds it at a turning point.
-    An encoder with one of its two wires off counts to and fro by one.
+    An encoder with one of its two wires off counts to and fro by one. Where the fingertip presses, gearbox
+    and sheath hold back a share of what the motor pulls, and the current may change by that share before it
+    turns: it is believed while the load cell, which an unseen turn would change, stays where it was.
+
+    Args:
+        current, change: A. samples: in a row. load_cell: there is one in the finger's way.
     """
 
     DITHER = math.radians(0.1)
     """rad; two counts of the bench's encoder."""
 
-    def __init__(self, current: float, change: float, samples: int) -> None:
-        self.current, self.change, self.samples = current, change, samples
+    HELD_SHARE = 0.8
+    """Of the larger current; no dry friction holds more: 1 - exp(-2 0.7) = 0.75 is that of a sheath with a
+    friction of 0.2 over 200 degrees of bends (assumed, as the widest ``capstan_friction``)."""
+
+    TOUCH = 0.15
+    """N; the fingertip presses where it shows more, ten times the load cell's noise (assumed)."""
+
+    UNSEEN = 0.3
+    """N; within ``DITHER`` a held motor lets the load cell change by up to 0.19 N on the simulated rig, one
+    that turns by half a newton with ``encoder_stuck_change``."""
+
+    def __init__(self, current: float, change: float, samples: int, load_cell: bool = False) -> None:
+        self.current, self.change, self.samples, self._load_cell = current, change, samples, load_cell
         self.reset()
 
     def reset(self) -> None:
-        self._last, self._count, self._from = math.nan, 0, math.nan
+        self._last, self._count, self._from, self._force = math.nan, 0, math.nan, math.nan
 
     def fault(self, reading: Reading) -> str | None:
         if not abs(reading.position - self._last) <= self.DITHER:
             self._last, self._count, self._from = reading.position, 0, reading.current
+            self._force = reading.force
             return None
         self._count += 1 + reading.lost
         still = self._count < self.samples or abs(reading.current) < self.current
-        if still or abs(reading.current - self._from) < self.change:
+        change = abs(reading.current - self._from)
+        if still or change < self.change or self._held(reading, change):
             return None
         return EncoderFault(
             f"The encoder stands still under {reading.current:.3g} A; the encoder is unplugged or the motor "
             "is blocked."
         )
+
+    def _held(self, reading: Reading, change: float) -> bool:
+        """Whether friction explains it: the fingertip presses as before, and the change is no larger."""
+        presses = self._load_cell and min(reading.force, self._force) > self.TOUCH
+        most = self.HELD_SHARE * max(abs(reading.current), abs(self._from))
+        return presses and abs(reading.force - self._force) < self.UNSEEN and change < most
 
 
 class Stuck:
