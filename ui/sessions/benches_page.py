@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from PySide6.QtWidgets import QComboBox, QLabel, QWidget
+from PySide6.QtWidgets import QComboBox, QLabel, QPushButton, QWidget
 
 from fingerlab.batch.benches import folders_of, shared_effects, two_groups
 from fingerlab.batch.table import Contents
@@ -22,7 +22,7 @@ MEANINGS = (
     "On the second bench, with its 90 % interval.",
     "Zero inside the interval: no difference is seen.",
 )
-NAME_HELP = "A folder below this one, or a pattern of session names such as left-*; then Enter."
+NAME_HELP = "A folder below this one, or a pattern of session names such as left-*; then Compare, or Enter."
 
 
 def _name(name: str, words: str) -> QComboBox:
@@ -52,11 +52,13 @@ class BenchesPage(QWidget):
             "Both alike, both of another strength, one alone and neither are weighed against one another by "
             "their evidence. Ctrl+C copies the table."
         )
+        self.button = described(QPushButton("Co&mpare"), "compareBenches", tip="Of the two that are named.")
+        self.button.clicked.connect(self.compare)
         self._contents: Contents | None = None
         first, second = QLabel("&First"), QLabel("&Second")
         first.setBuddy(self.first)
         second.setBuddy(self.second)
-        chosen = hbox(None, first, self.first, second, self.second, Spacer(1), spacing=8)
+        chosen = hbox(None, first, self.first, second, self.second, self.button, Spacer(1), spacing=8)
         vbox(self, chosen, self.words, (self.table, 1), self.hint, Spacer(), spacing=8)
 
     def show_contents(self, contents: Contents) -> None:
@@ -75,7 +77,11 @@ class BenchesPage(QWidget):
         names = self.first.currentText().strip(), self.second.currentText().strip()
         cells: list[tuple[str, ...]] = []
         if self._contents is None or not all(names):
-            said = "Name two benches: each a folder below this one, or a pattern of session names."
+            said = (
+                "Name two benches, each a folder below this one or a pattern of session names such as "
+                "left-*, and press Compare: which effects they share, and how strong they are on each, will "
+                "stand here."
+            )
         else:
             try:
                 groups = two_groups(self._contents.rows, *names)

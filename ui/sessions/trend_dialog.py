@@ -233,7 +233,7 @@ class TrendDialog(QDialog):
         found = changes(contents.rows, contents.units, told)
         self._changes = {name: one for one in reversed(found) for name in (*one.others, one.column) if name}
         self._trends = _with_courses(trends(contents.rows, contents.units), told, self._rows)
-        self.title.setText(f"{len(self._rows)} sessions of {folder.name} with a verdict and a time")
+        self.title.setText(f"{len(self._rows)} sessions in “{folder.name}” with a verdict and a time")
         self.words.setText(self._said(found))
         led = {one.column for one in found}
         self._trends.sort(key=lambda one: self._rank(one.column, led))

@@ -14,6 +14,7 @@ from PySide6.QtWidgets import QApplication, QComboBox, QLabel
 from pytestqt.qtbot import QtBot
 
 from fingerlab.diagnosis.answer.results import Diagnosis, HeldOutRuns
+from fingerlab.diagnosis.answer.where import FINER
 from fingerlab.ui.app.window import MainWindow
 from fingerlab.ui.lab.comparison_plot import ComparisonPlot
 from fingerlab.ui.lab.truth import HeldOutTable
@@ -169,6 +170,13 @@ def test_loops_and_spectra_stand_beside_where(opened: MainWindow) -> None:
     assert shape.shape.title == "Loop over the angle"
     view.bar.go_to("pip_torque", "003")  # what is chosen stays with another run and equation
     assert choice.currentText() == "Loop over the angle of this run"
-    assert shape.shape.curves["measured"][1] is view.bar.comparison().measured
+    comparison = view.bar.comparison()
+    place, measured = shape.shape.curves["measured"]
+    assert np.array_equal(measured[::FINER], comparison.measured, equal_nan=True)
+    # Between the samples it is a curve, in steps that are a share of theirs, and not a straight line.
+    angle = comparison.coordinates["joint angle pip"]
+    assert np.array_equal(place[::FINER], angle, equal_nan=True)
+    assert np.nanmax(np.abs(np.diff(place))) < 0.3 * np.nanmax(np.abs(np.diff(angle)))
+    assert view.where.shape.getPlotItem().getAxis("left").labelText.startswith("PIP torque")
     QTest.keyClick(choice, Qt.Key.Key_Home)
     assert view.where.plot.isVisible()
