@@ -276,7 +276,7 @@ _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 NO_BREAK = "\u00a0"
-_UNIT = r"[kmµnG]?(?:Hz|Nm|N|m|g|s|A|V|W|J|rad|°|K|min)[²³]?(?:/[A-Za-zµ°√]+[²³]?)*(?![\w])"
+_UNIT = r"[kmcµnG]?(?:Hz|Nm|N|m|g|s|A|V|W|J|rad|°|K|min)[²³]?(?:/[A-Za-zµ°√]+[²³]?)*(?![\w])"
 _AMOUNT = re.compile(
     r"(?:[<>≈] )?(?<![\w.])[−-]?\d[\d.,\u202f]*(?:°|%)?(?: ± [\d.]+)?"
     rf"(?: (?:%|×|floors?\b|{_UNIT}(?: {_UNIT})*))?"

@@ -294,8 +294,8 @@ class CandidateView(QListView):
 
 
 HEADING_HELP = (
-    "Error: that of the model on runs left out of the fit with the effect in it, in multiples of the floor. "
-    "Probability: that the effect is what is missing."
+    "Error: that of the model with the effect in it, in multiples of the floor, on runs left out of the fit "
+    "where there are several. Probability: that the effect is what is missing."
 )
 OWN_HELP = "A file with law, parameters and explanation to edit, which then takes part in the comparison."
 

@@ -150,6 +150,7 @@ def test_a_click_on_a_held_out_run_shows_it(qtbot: QtBot, make_window: Any, sess
     assert shown.run == "003"
 
 
+@pytest.mark.qt_log_ignore("This plugin does not support")
 def test_loops_and_spectra_stand_beside_where(opened: MainWindow) -> None:
     view = lab_of(opened).view
     view.go_to("where")
@@ -178,5 +179,9 @@ def test_loops_and_spectra_stand_beside_where(opened: MainWindow) -> None:
     assert np.array_equal(place[::FINER], angle, equal_nan=True)
     assert np.nanmax(np.abs(np.diff(place))) < 0.3 * np.nanmax(np.abs(np.diff(angle)))
     assert view.where.shape.getPlotItem().getAxis("left").labelText.startswith("PIP torque")
+    opened.plots.ask_and_save(view.plot)
+    assert opened.plots.dialog is not None
+    assert opened.plots.dialog.title.text() == "invented, run 003: PIP torque"
+    opened.plots.dialog.reject()
     QTest.keyClick(choice, Qt.Key.Key_Home)
     assert view.where.plot.isVisible()
