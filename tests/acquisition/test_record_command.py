@@ -139,6 +139,7 @@ def test_every_run_that_is_proposed_for_the_motor_bench_is_within_its_limits() -
         (["--trajectory", "nowhere.json", "--phase", "free"], "JSON text or a file of it"),
         (["--trajectory", '{"next_experiment": null}'], "nothing left to separate"),
         (["--trajectory", json.dumps({**RUN, "offset_deg": 400}), "--phase", "free"], "limits are"),
+        (["--protocol", "rich", "--force", "20"], "pressed with 20 N; the limit of the force is 10 N"),
         (["--trajectory", json.dumps({**RUN, "load_torque": 0.1}), "--phase", "free"], "motor_bench"),
         (["--trajectory", json.dumps({**RUN, "load_torque": "x"}), "--phase", "motor_bench"], "in N m"),
         (["--protocol", "on-air", "--runs", "3"], "--runs"),

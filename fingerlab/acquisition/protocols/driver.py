@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from fingerlab.acquisition.bench.bench import Bench
+from fingerlab.acquisition.bench.steering import LoopSettings, Refused, prepare
 from fingerlab.acquisition.control.machine import (
     Approach,
     Command,
@@ -181,6 +182,33 @@ def _pressed_at(bench: Bench, force: float) -> float:
 
 def _position(bench: Bench) -> float:
     return float(bench.ring.last(1)[0, COLUMN["motor_position"]])
+
+
+def refuse_impossible(steps: Sequence[Step], settings: LoopSettings) -> None:
+    """Look through a whole protocol before its first run: the loop itself looks at a run when that begins.
+
+    Where the contact is found on the way, a run is looked at about the middle of the motor's range.
+
+    Raises:
+        UserError: a run or a contact force is beyond the limits of the bench.
+    """
+    limits = settings.limits
+    middle = math.degrees(0.5 * (limits.position_low + limits.position_high))
+    seen: list[tuple[Mapping[str, Any], str]] = []
+    for step in steps:
+        command: Command
+        if isinstance(step, Find):
+            command, where = Approach(step.force, APPROACH_SPEED, APPROACH_LIMIT), ""
+        elif isinstance(step, Record) and step.later is None and (step.trajectory, step.cable) not in seen:
+            seen.append((step.trajectory, step.cable))
+            about = step.phase == "contact" and goes_about_contact(step.trajectory)
+            command = Start({**step.trajectory, **({"offset_deg": middle} if about else {})})
+            where = f"Run {step.number} of {step.count}: "
+        else:
+            continue
+        prepared = prepare(command, settings, isinstance(step, Find) or step.cable != "none")
+        if isinstance(prepared, Refused):
+            raise UserError(where + prepared.sentence)
 
 
 class ProtocolDriver:
