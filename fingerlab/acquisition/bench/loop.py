@@ -461,12 +461,14 @@ class ControlLoop:
         self._board[Slot.SET_AT] = self._reader.index + 1
         self._cable = command.cable != "none"
         self._in_contact = self._steering.in_contact = command.phase == "contact"
+        known = self.settings
         self._safety = safety_checks(
-            self.settings.limits,
+            known.limits,
             self.device.rate_hz,
-            self.settings.units,
+            known.units,
             command,
-            proves_drive=self.settings.proves_drive,
+            proves_drive=known.proves_drive,
+            most=known.current_share * known.limits.current if known.current_share < 1.0 else math.inf,
         )
         self._sensors = sensors_of(command)
         return ""

@@ -408,7 +408,13 @@ def _drifted(name: str, by: float) -> str:
 
 
 def safety_checks(
-    limits: Limits, rate_hz: float, units: BenchUnits, set_up: SetUp, *, proves_drive: bool = False
+    limits: Limits,
+    rate_hz: float,
+    units: BenchUnits,
+    set_up: SetUp,
+    *,
+    proves_drive: bool = False,
+    most: float = math.inf,
 ) -> Safety:
     """The checks for an experiment.
 
@@ -417,6 +423,7 @@ def safety_checks(
         set_up: what is on the bench. Without a cable there is no tension: what the motor's torque would make
             of it is then its own acceleration, which is limited by torque, current and speed.
         proves_drive: signs and gains of the drive are what is being found out, and not taken for granted.
+        most: A, what is sent at most to a bench that nobody has checked.
     """
 
     def samples(seconds: float) -> int:
@@ -446,7 +453,7 @@ def safety_checks(
             load_cell=force,
         ),
         *([] if proves_drive else [EncoderSense()]),
-        FollowingError(limits.following_error, samples(limits.following_time)),
+        FollowingError(limits.following_error, samples(limits.following_time), most),
         Late(limits.late_time, round(limits.late_cycles), period),
     ]
     slow: list[Slow] = [] if proves_drive else [CurrentAgrees()]

@@ -190,9 +190,15 @@ def refuse_impossible(steps: Sequence[Step], settings: LoopSettings) -> None:
     Where the contact is found on the way, a run is looked at about the middle of the motor's range.
 
     Raises:
-        UserError: a run or a contact force is beyond the limits of the bench.
+        UserError: a run or a contact force is beyond the limits of the bench, or torques are to be found for
+            a bench that nobody has checked.
     """
     limits = settings.limits
+    if settings.current_share < 1.0 and any(isinstance(step, WorkOut) for step in steps):
+        raise UserError(
+            "The torques of a force trial are those of the rig's whole current, of which a bench that was "
+            f"not checked gets {settings.current_share:.0%}; confirm it with check-rig first."
+        )
     middle = math.degrees(0.5 * (limits.position_low + limits.position_high))
     seen: list[tuple[Mapping[str, Any], str]] = []
     for step in steps:
@@ -295,8 +301,11 @@ class ProtocolDriver:
             if self.bench.status().mode in (Mode.RUNNING, Mode.STOPPING):  # ended early
                 self._wait_for_rest()
             self._off()
-        except BaseException:
+        except BaseException as error:
+            before = self.bench.status()
             self.bench.stop()
+            if isinstance(error, UserError) and before.mode is Mode.FAULT and before.fault:
+                raise UserError(before.fault) from error  # not that nothing may be begun in a fault
             raise
 
     def _take(self, step: Step) -> None:
