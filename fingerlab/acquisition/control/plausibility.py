@@ -102,6 +102,22 @@ def sensors_of(set_up: SetUp) -> tuple[int, ...]:
     return (*((0,) if set_up.phase == "contact" else ()), *finger, 3)
 
 
+SECTIONS = ("load_cell", "mcp", "pip", "current_monitor")
+"""Of the rig file's [daq], in the same order."""
+
+
+def lacking(sensors: Sequence[int], units: BenchUnits) -> str:
+    """The sentence on a sensor that is relied on and that the rig file does not name; empty for none."""
+    for k in sensors:
+        if units.inputs[k] is None:
+            without = "without one no motor is driven" if k == 3 else "what is on the bench needs one"
+            return (
+                f"The rig file names no terminal for [daq.{SECTIONS[k]}], and {without}; connect the "
+                f"{SENSORS[k]}."
+            )
+    return ""
+
+
 class Windows:
     """Volts outside of what a sensor that is well can give are no measurement."""
 

@@ -301,8 +301,8 @@ class FollowingError:
         away = f"The motor is {math.degrees(error):.3g}° away from its command"
         if abs(reading.commanded) >= self.NEAR * self.most:
             return (
-                f"{away}; the current stays below {self.most:.2g} A until a check confirms the bench: choose a "
-                "motion that needs less, or check the rig."
+                f"{away}; the current stays below {self.most:.2g} A until a check confirms the bench: choose "
+                "a motion that needs less, or check the rig."
             )
         return f"{away}; look for a blocked finger, a broken cable or a lost encoder."
 

@@ -24,6 +24,7 @@ from fingerlab.acquisition.control.machine import (
     Tare,
 )
 from fingerlab.acquisition.control.motion import STOP_S
+from fingerlab.acquisition.control.plausibility import lacking, sensors_of
 from fingerlab.acquisition.control.trajectories import read_trajectory
 from fingerlab.acquisition.protocols.steps import (
     APPROACH_LIMIT,
@@ -190,10 +191,14 @@ def refuse_impossible(steps: Sequence[Step], settings: LoopSettings) -> None:
     Where the contact is found on the way, a run is looked at about the middle of the motor's range.
 
     Raises:
-        UserError: a run or a contact force is beyond the limits of the bench, or torques are to be found for
-            a bench that nobody has checked.
+        UserError: the bench lacks a sensor, a run or a contact force is beyond its limits, or torques are to
+            be found for one that nobody has checked.
     """
     limits = settings.limits
+    for set_up in (step.set_up for step in steps if isinstance(step, Change)):
+        sentence = lacking(sensors_of(set_up), settings.units)
+        if sentence:
+            raise UserError(sentence)
     if settings.current_share < 1.0 and any(isinstance(step, WorkOut) for step in steps):
         raise UserError(
             "The torques of a force trial are those of the rig's whole current, of which a bench that was "
