@@ -11,6 +11,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from fingerlab.diagnosis.equations.parameters import SLIPS
 from fingerlab.models.file import ParameterEstimate
 from fingerlab.prediction.extended import ChosenEffect, ExtendedModel
 from fingerlab.report.diagnosis_words import in_sentence
@@ -220,7 +221,7 @@ def _contact_part(finger: Finger, found: Mapping[str, ParameterEstimate]) -> Ite
             rf"\lambda_2 = {two}\,\sin(\theta_1 + \theta_2 - {alpha}),\qquad"
             rf" \lambda_1 = \lambda_2 - {one}\,\sin({alpha} - \theta_1)"
         )
-        slips = sorted(key for key in found if key.startswith("lateral_slip_"))
+        slips = sorted(found.keys() & set(SLIPS))
         factors = [
             ("lateral", 1.0, r"\,F"),
             ("lateral_constant", 1.0, ""),
