@@ -11,7 +11,7 @@ from fingerlab.acquisition.bench.process_bench import InlineBench
 from fingerlab.acquisition.bench.steering import LoopSettings
 from fingerlab.acquisition.control.machine import Enable, Initialise, Jog, Release, Start, TakeUp
 from fingerlab.acquisition.control.units import BenchUnits
-from fingerlab.acquisition.protocols.driver import take_up_slack
+from fingerlab.acquisition.protocols.finding import take_up_slack
 from fingerlab.acquisition.ring import COLUMN
 from fingerlab.acquisition.status import Slot
 from fingerlab.core.errors import UserError

@@ -18,6 +18,7 @@ from fingerlab.acquisition.ring import Ring
 from fingerlab.acquisition.status import Input, Number, SharedStatus, Slot, Text
 from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress
+from fingerlab.rig.limits import Limits
 
 
 @dataclass(frozen=True)
@@ -116,12 +117,14 @@ class Bench(ABC):
         ring: rows of :data:`fingerlab.acquisition.ring.COLUMNS`; take a ``reader`` of it to draw.
         board: counters and sentences; better ask :meth:`status`.
         recorder: begins and ends recordings.
+        limits: of the rig, which the loop keeps.
     """
 
     ring: Ring
     board: SharedStatus
     recorder: RecorderClient
     rate_hz: float
+    limits: Limits
 
     @abstractmethod
     def ask(self, command: Command) -> None:

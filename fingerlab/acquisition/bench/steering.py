@@ -115,7 +115,12 @@ DOUBT_S = 5e-3
 """For so long a torque's own bounds have to be left; the load cell's noise is no doubt (assumed)."""
 
 MOVED_SAMPLES = 20
-"""Samples of a take-up whose mean says where the joints were, and by how many the motion has to be seen."""
+"""Samples of a take-up whose mean says where joints and load cell were, and by how many a change of them has
+to be seen."""
+
+HELD_S = 0.2
+"""For so long all the current of a take-up is asked for before the cable is said to hold the motor (assumed:
+at 10 degrees a second it is 2 degrees behind then, and would be further)."""
 
 
 def gains_within(settings: LoopSettings, hold: int) -> Gains:
@@ -174,8 +179,8 @@ class Steering:
         self._limits, self._period = settings.limits, period
         self._bounds: Bounds | None = None  # of a trajectory of torque
         self._winding: Winding | None = None
-        self._joints: list[float] = []  # of a take-up: both together before it began
-        self._moving = 0
+        self._before: list[tuple[float, float]] = []  # of a take-up: both joints and force before it began
+        self._moving = self._holding = 0
         self._most = math.inf  # A
 
     @staticmethod
@@ -206,6 +211,11 @@ class Steering:
         self.off()
         self.reference.value = position
 
+    @property
+    def taking_up(self) -> bool:
+        """Whether slack is being taken up."""
+        return isinstance(self._winding, TakeUp)
+
     def forget(self) -> None:
         """The slow motion that was under way has ended."""
         self._winding = None
@@ -218,7 +228,7 @@ class Steering:
         self._pulling = pulling
         self._bounds = self._bounds_of(command.trajectory) if isinstance(command, ReadyStart) else None
         self._winding = None if isinstance(command, ReadyStart) else command
-        self._joints, self._moving = [], 0
+        self._before, self._moving, self._holding = [], 0, 0
         self._most = command.current if isinstance(command, TakeUp) else math.inf
         self._board[Slot.APPROACHED] = 0
         self._resting = False
@@ -338,9 +348,13 @@ class Steering:
         if isinstance(winding, Approach):
             return reading.force >= winding.force
         both = reading.mcp + reading.pip
-        if len(self._joints) < MOVED_SAMPLES:
-            self._joints.append(both)
+        if len(self._before) < MOVED_SAMPLES:
+            self._before.append((both, reading.force))
             return False
-        moved = abs(both - sum(self._joints) / MOVED_SAMPLES) >= winding.moved
-        self._moving = self._moving + 1 if moved else 0
-        return self._moving >= MOVED_SAMPLES
+        joints, force = (sum(values) / MOVED_SAMPLES for values in zip(*self._before, strict=True))
+        pulls = abs(both - joints) >= winding.moved
+        pulls = pulls or (self.in_contact and reading.force - force >= winding.pressed)
+        self._moving = self._moving + 1 if pulls else 0
+        self._holding = self._holding + 1 if abs(self.amps) >= winding.current else 0
+        held = winding.or_held and self._holding >= round(HELD_S / self._period)
+        return held or self._moving >= MOVED_SAMPLES
