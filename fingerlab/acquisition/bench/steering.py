@@ -118,6 +118,11 @@ MOVED_SAMPLES = 20
 """Samples of a take-up whose mean says where joints and load cell were, and by how many a change of them has
 to be seen."""
 
+SOFT_SHARE = 0.7
+"""Of the limit of the tension's rise that a soft stop out of a torque makes at most (assumed: the rest is for
+the current monitor's noise). Where play or a bouncing tip has the motor swing, the position loop that takes
+over would brake it harder than the cable is to be pulled."""
+
 HELD_S = 0.2
 """For so long all the current of a take-up is asked for before the cable is said to hold the motor (assumed:
 at 10 degrees a second it is 2 degrees behind then, and would be further)."""
@@ -182,6 +187,9 @@ class Steering:
         self._before: list[tuple[float, float]] = []  # of a take-up: both joints and force before it began
         self._moving = self._holding = 0
         self._most = math.inf  # A
+        units, rise = settings.units, SOFT_SHARE * settings.limits.tension_rise
+        self._softly = rise * units.pulley_radius / units.torque_per_amp * period  # A a sample
+        self._soft = False  # a soft stop out of a torque
 
     @staticmethod
     def _tell_gains(gains: Gains, board: SharedStatus) -> None:
@@ -231,7 +239,7 @@ class Steering:
         self._before, self._moving, self._holding = [], 0, 0
         self._most = command.current if isinstance(command, TakeUp) else math.inf
         self._board[Slot.APPROACHED] = 0
-        self._resting = False
+        self._resting = self._soft = False
         if not moving:
             self._controller.reset()
             self._know_nothing()
@@ -281,9 +289,10 @@ class Steering:
         if self._pulling:
             self.amps = self._pull.current(reading.speed)
         else:
-            error = self.reference.value - reading.position
+            error, before = self.reference.value - reading.position, abs(self.amps)
             self.amps = self._controller.command(error, self._beforehand(reading.position))
-            self.amps = min(max(self.amps, -self._most), self._most)
+            most = min(self._most, before + self._hold * self._softly) if self._soft else self._most
+            self.amps = min(max(self.amps, -most), most)
         units = self._units
         self.volts = min(max(self.amps / units.amps_per_volt, units.low_volts), units.high_volts)
 
@@ -306,7 +315,7 @@ class Steering:
         """Begin a soft stop of a motor at ``position`` (rad)."""
         self._winding, self._most, self._resting = None, math.inf, True
         if self._pulling:  # the position loop takes over where the motor is, with the current that it has
-            self._pulling = False
+            self._pulling, self._soft = False, True
             self._controller.take_over(self.amps)
             self._know_nothing()
             self.reference.begin(position)
