@@ -1,9 +1,9 @@
 """Stands for the window in fault tests: opens a bench, lets it run, records, and shows that it is alive.
 
 ``python -m tests.faults.window OUTPUT SESSION RESCUE [LATE [MOTION [CARD]]]`` prints one line of JSON when it
-records. LATE is the lateness in s at which the loop stops by itself, MOTION what the motor is told (``angle``,
-or ``torque`` as a wanted force needs it), CARD the address of a virtual card in place of the bench whose output
-stands in the file OUTPUT.
+records. LATE is the lateness in s at which the loop stops by itself, CARD the address of a virtual card in
+place of the bench whose output stands in the file OUTPUT. MOTION is what the motor is told: ``angle``, or
+``torque`` as a wanted force needs it.
 """
 
 from __future__ import annotations

@@ -184,7 +184,7 @@ class Steering:
         self._limits, self._period = settings.limits, period
         self._bounds: Bounds | None = None  # of a trajectory of torque
         self._winding: Winding | None = None
-        self._before: list[tuple[float, float]] = []  # of a take-up: both joints and force before it began
+        self._before: list[tuple[float, float, float]] = []  # of a take-up: MCP, PIP and force as it began
         self._moving = self._holding = 0
         self._most = math.inf  # A
         units, rise = settings.units, SOFT_SHARE * settings.limits.tension_rise
@@ -345,7 +345,11 @@ class Steering:
             if self.reference.over:
                 self.reference.hold(self.reference.value)
         elif self._reached(winding, reading):
-            # Where the motor is, not where it was told to be: the loop's integral makes the two agree.
+            # Where the motor is, not where it was told to be: the loop's integral makes the two agree. Where
+            # a bound held the current back, what the loop asked for beyond it is forgotten.
+            if self._most < math.inf:
+                self._controller.take_over(self.amps)
+                self.reference.begin(reading.position)
             self.reference.hold(reading.position)
             self._board.set_number(Number.APPROACH, reading.position)
             self._board[Slot.APPROACHED] = 1
@@ -356,12 +360,11 @@ class Steering:
     def _reached(self, winding: Approach | TakeUp, reading: Reading) -> bool:
         if isinstance(winding, Approach):
             return reading.force >= winding.force
-        both = reading.mcp + reading.pip
         if len(self._before) < MOVED_SAMPLES:
-            self._before.append((both, reading.force))
+            self._before.append((reading.mcp, reading.pip, reading.force))
             return False
-        joints, force = (sum(values) / MOVED_SAMPLES for values in zip(*self._before, strict=True))
-        pulls = abs(both - joints) >= winding.moved
+        mcp, pip, force = (sum(values) / MOVED_SAMPLES for values in zip(*self._before, strict=True))
+        pulls = abs(reading.mcp - mcp) + abs(reading.pip - pip) >= winding.moved  # whatever their signs
         pulls = pulls or (self.in_contact and reading.force - force >= winding.pressed)
         self._moving = self._moving + 1 if pulls else 0
         self._holding = self._holding + 1 if abs(self.amps) >= winding.current else 0
