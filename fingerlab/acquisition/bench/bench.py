@@ -12,13 +12,13 @@ from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
 
+from fingerlab.acquisition.bench.steering import LoopSettings
 from fingerlab.acquisition.control.machine import Command, Mode
 from fingerlab.acquisition.recording import RunInfo, SessionInfo, seconds_of_room
 from fingerlab.acquisition.ring import Ring
 from fingerlab.acquisition.status import Input, Number, SharedStatus, Slot, Text
 from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress
-from fingerlab.rig.limits import Limits
 
 
 @dataclass(frozen=True)
@@ -117,14 +117,14 @@ class Bench(ABC):
         ring: rows of :data:`fingerlab.acquisition.ring.COLUMNS`; take a ``reader`` of it to draw.
         board: counters and sentences; better ask :meth:`status`.
         recorder: begins and ends recordings.
-        limits: of the rig, which the loop keeps.
+        settings: what its loop knows of the bench, its limits above all.
     """
 
     ring: Ring
     board: SharedStatus
     recorder: RecorderClient
     rate_hz: float
-    limits: Limits
+    settings: LoopSettings
 
     @abstractmethod
     def ask(self, command: Command) -> None:

@@ -93,7 +93,7 @@ def find_contact(
             f"Neither the joints nor the load cell answer within {math.degrees(slack.limit):g}° at the "
             f"pulley and {slack.current:g} A; fix the cable, and look whether the sensors have their supply."
         )
-    if taut - begin > SLACK_SHARE * bench.limits.follow_travel:
+    if taut - begin > SLACK_SHARE * bench.settings.limits.follow_travel:
         _make_reference(bench, taut, Initialise(), wait, ending)
         if ending():
             return None
