@@ -169,6 +169,7 @@ def run_sums(
                 stretch = told, float(low.time[0]), float(low.time[-1]), len(low.time)
                 result.cycles.append(Cycle(stretch, low.live + asked.start, cyclic[:, 1:]))
         result.encoder_variance = (motion.radius * motion.position_step) ** 2 / 12.0
+        result.encoder_density = motion.position_step**2 / 12.0 / (0.5 * run.sample_rate_hz)
         if keep is not None:
             keep(session, run, low)
     return result

@@ -201,6 +201,13 @@ EFFECTIVE_SHARE = float(1.0 / (NARROW_RATE_HZ / WIDE_RATE_HZ * np.sum(_NARROW**2
 EFFECTIVE_SHARE = min(1.0, EFFECTIVE_SHARE)
 
 
+def noise_of_derivative(order: int) -> float:
+    """Variance of the low-passed derivative of white noise of one unit squared a Hz, unit^2/s^(2 order)."""
+    frequency = np.linspace(0.0, 0.5 * WIDE_RATE_HZ, 4096)
+    passed = np.abs(np.fft.rfft(_NARROW, 2 * (len(frequency) - 1))) ** 2
+    return float(np.trapezoid((2.0 * np.pi * frequency) ** (2 * order) * passed, frequency))
+
+
 def decimated_count(length: int) -> int:
     """Number of decimated samples that a wide signal of ``length`` samples gives."""
     return max(0, (length - NARROW_TAPS) // NARROW_STEP + 1)
