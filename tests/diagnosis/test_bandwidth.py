@@ -111,5 +111,5 @@ def test_what_an_encoders_step_makes_of_speed_and_acceleration_is_foretold(rate:
     angle = 0.7 * np.sin(2 * np.pi * 0.31 * time) + 0.2 * np.sin(2 * np.pi * 0.83 * time)
     wrong = np.rint(angle / step) * step - angle
     found = bw.decimate(bw.differentiate(wrong, *bw.derivative_kernels(rate)))[order]
-    density = step**2 / 12.0 / (0.5 * rate)
-    assert float(np.mean(found**2)) == pytest.approx(density * bw.noise_of_derivative(order), rel=0.2)
+    told = step**2 / 12.0 * bw.noise_of_derivatives(rate)[order]
+    assert float(np.mean(found**2)) == pytest.approx(told, rel=0.15)

@@ -33,7 +33,6 @@ from fingerlab.diagnosis.settings import (
     RIDGE,
     TIP_FRICTION_SPREAD,
 )
-from fingerlab.diagnosis.signals.filters import noise_of_derivative
 from fingerlab.effects.base import Row
 from fingerlab.sessions.model import Array
 
@@ -146,14 +145,14 @@ def add_encoder_noise(reduced: Reduced) -> None:
     A motion that comes again to the step has the same error in every cycle, which passes for misfit.
     """
     for group in reduced.groups:
-        if not (group.on_bench and group.noise_samples > 0):
+        if not (group.on_bench and group.noise_samples > 0 and group.encoder_noise):
             continue
         for name, order in (("bench_trace", 1), ("bench_inertia", 2)):
             feature = reduced.layout.nuisance_features.get(name)
             if feature is None:
                 continue
             signal = int(reduced.layout.signals[reduced.layout.features.index(feature)])
-            least = group.noise_samples * group.encoder_density * noise_of_derivative(order)
+            least = group.noise_samples * group.encoder_noise[order]
             group.noise[signal, signal] = max(group.noise[signal, signal], least)
 
 
