@@ -13,7 +13,7 @@ from click.testing import CliRunner
 
 from fingerlab.cli.simulate import reveal, simulate
 from fingerlab.core.errors import UserError
-from fingerlab.sessions import SessionWriter, open_session
+from fingerlab.sessions import open_session
 from fingerlab.twin.effects import EFFECTS
 from fingerlab.twin.protocols import PROTOCOLS, RunPlan, load_preset, parse_preset, single_run
 from fingerlab.twin.session import PRACTISED, pick_hidden, reveal_session, seal, unseal, write_session
@@ -205,9 +205,15 @@ def test_phase_and_cable_must_go_together() -> None:
 
 @pytest.mark.parametrize("told", ['{"population": true}', '{"effects": ["delay"]}', '{"effects": {"a": 1}}'])
 def test_a_simulation_that_names_no_effects_is_told_in_a_sentence(tmp_path: Path, told: str) -> None:
-    rig = load_preset("practice").rig
-    with SessionWriter(tmp_path / "told.h5", rig, "told", attributes={"simulation": told}):
-        pass
-    result = CliRunner().invoke(reveal, [str(tmp_path / "told.h5")])
+    path = tmp_path / "told.h5"
+    made = CliRunner().invoke(
+        simulate,
+        ["--trajectory", json.dumps(SHORT[0].trajectory), "--phase", "on_air", "--cable", "extension",
+         "--out", str(path)],
+    )  # fmt: skip
+    assert made.exit_code == 0, made.output
+    with h5py.File(path, "r+") as file:
+        file.attrs["simulation"] = told
+    result = CliRunner().invoke(reveal, [str(path)])
     assert isinstance(result.exception, UserError)
     assert "does not say with which effects" in str(result.exception)
