@@ -519,7 +519,7 @@ class Reduced:
 
     @property
     def floor_from(self) -> FloorFrom:
-        """What the floor rests on, as ``cli.md`` has it; that of runs holds what their cycles tell, too."""
+        """What the floor rests on, as in ``diagnose --json``; of runs it holds what cycles tell, too."""
         if not all(group.repeats and not group.bounded for group in self.groups):
             return "state law"
         return "runs" if any(group.repeated_cycles for group in self.groups) else "cycles"
