@@ -240,12 +240,13 @@ def judge_all(
         if not front or front[0].fit.cost >= base.fit.cost or _led(front, leaders):
             break
         leader = _settled(scorer, front[:1], settled)
-        if scorer.deviance(leader) >= likeliest:
+        if misshapen and scorer.deviance(leader) >= likeliest:
             contested, leader = True, _settled(scorer, front, settled)
             if scorer.deviance(leader) >= likeliest:
                 break
         leaders.add(leader.last_effect.id)
-        likeliest, weights = scorer.deviance(leader), leader.weights
+        likeliest = scorer.deviance(leader) if contested else likeliest
+        weights = leader.weights
         base = scorer.fit(base.choices, base, FULL_ITERATIONS, weights)
         # Under the new weights another effect may come to the front.
         again = (
