@@ -336,7 +336,7 @@ def _refined(
 def _restarted(
     question: Question, best: FittedModel, scorer: Scorer, path: list[FittedModel]
 ) -> tuple[Scorer, list[FittedModel]] | None:
-    """A path that is likelier and begins with the ``best`` effect at its refined shape; None: there is none."""
+    """A likelier path that begins with the ``best`` effect at its refined shape; None: there is none."""
     if not worth_restarting(path, best):
         return None
     watch = question.stages.part(0.97, 0.99)
