@@ -240,12 +240,13 @@ def judge_all(
         if not front or front[0].fit.cost >= base.fit.cost or _led(front, leaders):
             break
         leader = _settled(scorer, front[:1], settled)
-        if scorer.deviance(leader) >= likeliest:
+        if misshapen and scorer.deviance(leader) >= likeliest:
             contested, leader = True, _settled(scorer, front, settled)
             if scorer.deviance(leader) >= likeliest:
                 break
         leaders.add(leader.last_effect.id)
-        likeliest, weights = scorer.deviance(leader), leader.weights
+        likeliest = scorer.deviance(leader) if contested else likeliest
+        weights = leader.weights
         base = scorer.fit(base.choices, base, FULL_ITERATIONS, weights)
         # Under the new weights another effect may come to the front.
         again = (
@@ -348,3 +349,10 @@ def rescore(scorer: Scorer, evidence: Evidence, weights: Weights) -> Evidence:
             scorer.score_held_out(new) if old.held_out else _as_held_out(base, scorer.score_in_sample(new))
         )
     return replace(evidence, base=base, candidates=tuple(scored))
+
+
+def judged_under(scorer: Scorer, evidence: Evidence, weights: Weights) -> Evidence:
+    """Every candidate of the evidence judged again under these weights, and by likelihood under its own."""
+    seen = rescore(scorer, evidence, weights)
+    candidates = sorted(seen.candidates, key=lambda one: one.misfit)
+    return judge(seen.base, candidates, _own_deviances(scorer, candidates, {}))
