@@ -102,7 +102,7 @@ def refine_grid(
     for _ in range(ROUNDS):
         finer = [_finer(c) for c in choices]
         places = [_place(e.shapes, c.effect.shapes[c.shape]) for e, c in zip(finer, choices, strict=True)]
-        scorer = Scorer(reduction.closer(finer, watch))
+        scorer = Scorer(reduction.refined(finer, watch))
         of_shapes = fitted = reduction.remember(finer, places, partial(_best_of_finer, scorer, finer, places))
         for _ in range(FOLLOWING_ROUNDS):
             choices = _following(fitted)
@@ -110,7 +110,7 @@ def refine_grid(
             if not any(_has_moved(now, then, fitted) for now, then in each):
                 break
             given = [replace(c.effect, shapes=(c.effect.shapes[c.shape],)) for c in choices]
-            scorer = Scorer(reduction.closer(given, watch))
+            scorer = Scorer(reduction.refined(given, watch))
             fitted = scorer.fit([Choice(e) for e in given], fitted, FULL_ITERATIONS)
         if fitted is of_shapes:
             break
@@ -133,7 +133,7 @@ def refine_last(
         Cancelled: the user asked for it.
     """
     *others, last = [*at_found_shapes(fitted)[:-1], _finer(fitted.choices[-1])]
-    scorer = Scorer(reduction.closer([*others, last], watch))
+    scorer = Scorer(reduction.refined([*others, last], watch))
     given = [Choice(one) for one in others]
     tried = [
         scorer.fit_same_law([*given, Choice(last, i)], fitted, LOOKING_ITERATIONS)
@@ -271,7 +271,7 @@ def _plainer_at(
     end, first = path[-1], len(path[0].choices)
     given = at_found_shapes(end)
     effects = [*given[:place], effect, *given[place + 1 :]]
-    by = Scorer(reduction.closer(effects, watch))
+    by = Scorer(reduction.refined(effects, watch))
     each = [
         by.fit([Choice(e, i if e is effect else 0) for e in effects], end, LOOKING_ITERATIONS)
         for i in range(len(effect.shapes))
