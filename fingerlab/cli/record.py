@@ -395,7 +395,7 @@ def _plans(options: Mapping[str, Any]) -> tuple[str, list[Any]]:
     if press is None:
         return "single", plans
     if plan.phase != "on_air":
-        raise UserError(f"--then-contact goes with --phase on_air; it is {plan.phase}.")
+        raise UserError("--then-contact follows runs on air; give --phase on_air, or leave it out.")
     return "on air, then contact", [*plans, *[in_contact(plan, press)] * options["runs"]]
 
 
