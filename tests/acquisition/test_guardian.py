@@ -16,7 +16,7 @@ from fingerlab.acquisition.status import Block, SharedStatus, Slot, Text
 from fingerlab.cli.common import Interrupts
 from fingerlab.core.errors import UserError
 from fingerlab.devices.ni.card import NiCard
-from fingerlab.devices.protocol import DeviceLost
+from fingerlab.devices.protocol import DeviceFault, DeviceLost
 from fingerlab.rig.file import default_rig
 from tests.acquisition.driving import SINE, Driven
 from tests.acquisition.fake_device import FakeDevice
@@ -90,6 +90,34 @@ def test_a_card_is_tried_without_taking_it_from_who_has_it() -> None:
     assert board[Slot.GUARDIAN_READY] == -1
     assert "in use by another program" in board.text(Text.GUARDIAN)
     assert taken.resets == 0
+
+
+def test_the_guardian_of_a_second_program_never_takes_the_amplifier_from_the_first() -> None:
+    """The second is killed while it begins: its guardian is no reason to reset the first one's card."""
+    card, first, channel = card_bench()
+    first.open()
+    first.start()
+    first.set_enable(True)
+    for _ in range(5):
+        first.exchange(0.5)
+    guardian = NiCard(first.rig, card.clock, channel)
+    with pytest.raises(DeviceFault, match="in use by another program"):
+        guardian.try_stop()
+    assert not guardian.make_safe()  # its own loop died without a word
+    assert (card.resets, card.volts, card.line) == (0, 0.5, True)
+    assert first.exchange(0.5).index == 5
+    first.close()
+    assert guardian.make_safe()  # nobody has the card any more
+
+
+def test_who_loses_the_card_to_a_reset_hears_that_another_program_may_have_done_it() -> None:
+    card, first, _ = card_bench()
+    first.open()
+    first.start()
+    first.exchange(0.0)
+    card.reset()
+    with pytest.raises(DeviceLost, match="reset by hand or by another program, while it was running"):
+        first.exchange(0.0)
 
 
 def test_a_guardian_whose_stop_fails_refuses_the_enable(tmp_path: Path) -> None:
