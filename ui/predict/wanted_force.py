@@ -14,7 +14,6 @@ from PySide6.QtWidgets import (
     QComboBox,
     QFileDialog,
     QFormLayout,
-    QLabel,
     QPushButton,
     QSizePolicy,
     QVBoxLayout,
@@ -30,7 +29,7 @@ from ..app.context import ApplicationContext
 from ..app.worker import IsCancelled, Progress
 from ..widgets.layout import Panes, as_written, described
 from ..widgets.plots import QuietPlot, plain_curve, span_of
-from ..widgets.tables import heading, remark
+from ..widgets.tables import WordsLabel, heading, remark
 from ..widgets.theme import colours_of, tint
 from ..widgets.wanted_fields import WantedFields
 
@@ -55,7 +54,7 @@ class WantedPanel(QWidget):
         self.model_name.setObjectName("wantedModelName")
         self.pose = _choice("wantedPose", "Contact run that says how the finger stands")
         self.wanted = WantedFields(self)
-        self.result, self.limits = QLabel(), QLabel()
+        self.result, self.limits = WordsLabel(), WordsLabel()
         self.result.setObjectName("wantedResult")
         self.limits.setObjectName("wantedLimits")
         for label in (self.result, self.limits):
