@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import multiprocessing
+import signal
 from pathlib import Path
 
 import pytest
@@ -166,6 +167,17 @@ def test_who_is_asked_to_end_while_the_processes_are_made_gives_all_back(
     for name in made:
         with pytest.raises(FileNotFoundError):
             Block.attach(name)
+    assert not multiprocessing.active_children()
+
+
+def test_who_is_asked_to_end_while_the_bench_is_closed_closes_it_and_then_ends(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Seen before: the recorder was not told to end, and the program waited for it without an end."""
+    bench = ProcessBench(Unsafe(), SETTINGS, tmp_path)
+    monkeypatch.setattr(bench, "stop", lambda: signal.raise_signal(signal.SIGTERM))
+    with Interrupts(lambda: None), pytest.raises(KeyboardInterrupt):
+        bench.close()
     assert not multiprocessing.active_children()
 
 

@@ -248,16 +248,20 @@ class ProcessBench(Bench):
     def close(self) -> None:
         if self._closed:
             return
+        heard_later = _HeardLater()  # half closed, its recorder would wait for a word, and the program for it
         self._closed = True
-        self.stop()
-        with suppress(OSError):
-            self._commands.send((self._number + 1, Quit()))
-        self._join(self.loop_process)
-        self._far.quit()
-        self._join(self.recorder_process)
-        self._commands.close()
-        self.ring.close()
-        self.board.close()
+        try:
+            self.stop()
+            with suppress(OSError):
+                self._commands.send((self._number + 1, Quit()))
+            self._join(self.loop_process)
+            self._far.quit()
+            self._join(self.recorder_process)
+            self._commands.close()
+            self.ring.close()
+            self.board.close()
+        finally:
+            heard_later.now()
 
     def _wait_for_start(self) -> None:
         end = time.monotonic() + START_S
