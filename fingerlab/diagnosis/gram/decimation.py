@@ -26,6 +26,7 @@ from fingerlab.diagnosis.settings import (
     AT_ONCE,
     AT_REST_DEG,
     INERTIA_SPREADS,
+    LOW_PASS_REACH,
     MOST_BYTES,
     REST_REACH,
     SLACK_NOISES,
@@ -73,10 +74,15 @@ def taut_moments(motion: Motion, inner: slice, drive: Shape) -> BoolArray:
 
 
 def rest_moments(position: Array) -> BoolArray:
-    """Decimated samples around which the motor stands, (n,)."""
+    """Decimated samples around which the motor stands, and those that the low-pass mixes with them, (n,).
+
+    What sticks holds an unknown force to the end of a standstill; the low-pass carries it over the edge.
+    """
     angle = np.pad(decimate(position), REST_REACH, mode="edge")
     windows = sliding_window_view(angle, 2 * REST_REACH + 1)
-    return np.asarray(np.ptp(windows, axis=1) < np.radians(AT_REST_DEG))
+    still = np.ptp(windows, axis=1) < np.radians(AT_REST_DEG)
+    reach = REST_REACH + LOW_PASS_REACH
+    return np.asarray(sliding_window_view(np.pad(still, reach), 2 * reach + 1).any(axis=1))
 
 
 MARGIN = max(abs(samples) for samples in SHIFT_SAMPLES)
