@@ -109,10 +109,11 @@ def contact_charge(base: FittedModel, fitted: FittedModel) -> float:
 
 
 def along_the_axis(fitted: FittedModel) -> bool:
-    """Whether the last effect is one of contact alone that has no say in where the tip stands."""
-    effect, features = fitted.last_effect, fitted.model.layout.features
-    moves = any(f.owner == effect.id and f.row == Row.TIP for f in features)
-    return effect.phases == ("contact",) and not moves
+    """Whether the last effect is one of contact alone with no say in where the tip stands or how it rubs."""
+    effect = fitted.last_effect
+    if effect.phases != ("contact",) or effect.relaxes:
+        return False
+    return not any(f.owner == effect.id and f.row == Row.TIP for f in fitted.model.layout.features)
 
 
 def much_left(fitted: FittedModel, much: float = MUCH) -> bool:
