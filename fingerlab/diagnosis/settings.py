@@ -19,8 +19,9 @@ MOVING_SHARE = 0.99
 """Share of a motion's variance by which its pace is told: the rest is noise and small steps; assumed."""
 PACE_SAMPLES = 65536
 """So many samples of a run tell its pace at most."""
-LEAST_RATE_HZ = 100.0
-"""Samples in a reduced second at least: the friction of a motion is lost on fewer; assumed."""
+LEAST_RATE_HZ = 60.0
+"""Samples in a reduced second at least: seven in a cycle of the narrow cutoff, below which the band itself is
+lost; assumed."""
 QUICKER_OCTAVES = 2
 """By so many octaves short runs are looked at more quickly than their pace asks for, at most; assumed."""
 USUAL_TORQUE_SPREAD = 0.04
@@ -101,6 +102,12 @@ DEAD_SHARE = 0.02
 """A joint that moves by less than this share of the other one does not move; assumed."""
 LEAST_ARM_M, LARGEST_ARM_M = 0.001, 0.08
 """A joint's moment arm lies between, m: twice beyond what a fit allows."""
+FIRST_LOOK_S = 4.0
+"""So much of a run is looked at beside its command and its current, s; assumed."""
+SWING_SAMPLES = 2000
+"""So many samples tell how far a channel swings; assumed."""
+PULLS_SHARE = 0.2
+"""Of its mean a tension swings by more, where a load cell has to show it; assumed: less may rub away."""
 
 # ## Runs of one condition
 
@@ -115,6 +122,8 @@ FOLDS = 10
 
 # ## What every model leaves open
 
+FIRST_ARM_M, FIRST_ARMS_M = 0.01, (0.003, 0.035)
+"""A fit starts at moment arms within these, m; at the first where nothing tells any; assumed."""
 MOST_CHANGES = 6
 """So many known changes of the machine are told apart, assumed: more are not made for one question."""
 
@@ -275,6 +284,11 @@ MOST_ROUNDS = 8
 
 CORRELATED_VALUES = 16.0
 """Independent noise values within one correlation time (about a second) of a systematic misfit; assumed."""
+STROKE_VALUES = 4.0
+"""... and in half a stroke, below which a misfit of friction or inertia does not come again."""
+VALUES_OF_A_MOTION = 14.0
+"""So many systematic values a run of one motion has in any case: sine and cosine of seven harmonics, as a
+stroke of the thesis' pace has them below the narrow cutoff."""
 EARNED_SHARE = 0.001
 """Share of the explained misfit that every further unknown gains by chance and bias."""
 EARNED_MOST = 100.0
@@ -298,6 +312,9 @@ FAR_LEFT = 3.0
 """Squared score above one beyond which that does not hold: a friction's own law leaves less; assumed."""
 DECIDING_LOG_ODDS = 5.0
 """Log odds that decide (about 150 to 1)."""
+USUAL_FREEDOM, USUAL_POINTS = 3, 9
+"""Unknowns and points of the grid of an effect that is no more flexible than most; what others gain by chance
+comes on top, ``COST_OF_A_GAIN`` an unknown and the logarithm of how many times as many points there are."""
 MUCH = 1.0
 """Squared score above one that no bench leaves (``USUAL_LEFT``) and no nearly right law (about 0.5)."""
 NEARLY_RIGHT = 0.4

@@ -77,6 +77,9 @@ EFFECT = Effect(
     coordinate="tension times direction of travel",
     equation=Row.PIP,
     explanation="The missing tension opposes the travel and grows with the torque transmitted.",
+    of_an_axis=lambda shape: (
+        "The motor's equation misses a torque that opposes the travel and grows with the load."
+    ),
     reveal="a motor bench with two known loads",
     mend="Grease the gearbox, or choose one with a smaller ratio; less pretension lowers it, too.",
     shapes=(

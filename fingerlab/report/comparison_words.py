@@ -26,6 +26,7 @@ from fingerlab.core.text import (
     screen_unit,
     with_minus,
 )
+from fingerlab.diagnosis.equations.parameters import is_loss
 from fingerlab.report.diagnosis_words import NOTHING_WORDS, UNKNOWN_WORDS, effect_title, in_sentence, listed
 from fingerlab.report.parameter_words import parameter_title
 from fingerlab.report.score_words import PHASE_WORDS
@@ -36,7 +37,7 @@ from fingerlab.thesis.analysis import PUBLISHED, Published, PublishedQuantity, t
 from fingerlab.thesis.onair import Spread
 
 if TYPE_CHECKING:
-    from fingerlab.batch.changes import Change
+    from fingerlab.batch.changes import BenchChange
     from fingerlab.batch.table import Trend
 
 NOTABLE = 3.0
@@ -242,7 +243,7 @@ def reads_as(first: ParameterEstimate | None, second: ParameterEstimate | None, 
     return ", as after damage or with a new part"
 
 
-def change_sentence(change: Change) -> str:
+def change_sentence(change: BenchChange) -> str:
     """What changed, between which sessions, and how sure that is."""
     when = f"Between {change.before} and {change.after} ({change.when[:10]})"
     sure = f"Probability {percent(change.chance)}; of that moment, if so, {percent(change.certain_place)}."
@@ -261,7 +262,7 @@ def change_sentence(change: Change) -> str:
     else:
         what = f"the same effect has {change.kind}, {title}: {strength}; {seen}"
     what += reads_as(
-        change.first, change.second, bool(change.effect) or change.column.startswith("param.loss")
+        change.first, change.second, bool(change.effect) or is_loss(change.column.removeprefix("param."))
     )
     many = len(change.others)
     others = f" With it moved {many} other number{'s' * (many > 1)}." if many else ""

@@ -145,9 +145,9 @@ def floor_sentence(diagnosis: Diagnosis) -> str:
     if diagnosis.repeats:
         return ""
     return (
-        "No motion in these runs comes again. The floor is therefore what the best model leaves or, where "
-        "that is less, what a law of the measured state leaves that knows no physics: it bounds the noise, "
-        "and a sine of a few cycles would tell it."
+        "No motion in these runs comes again. The floor is therefore what a law of the measured state leaves "
+        "that knows no physics, beside the best model or alone: it bounds the noise, and a sine of a few "
+        "cycles would tell it."
     )
 
 
@@ -476,7 +476,8 @@ def miss_words(found: Profile, bin_: int) -> str:
     if rms != rms:
         return "too few samples to say"
     unit = residual_unit(found)
-    amount = unit.after(fixed(rms * unit.factor, decimals_for(0.3 * found.floor * unit.factor)))
+    told = max(0.3 * found.floor, 0.005 * rms)  # half a per cent is told of what is far beyond the floor
+    amount = unit.after(fixed(rms * unit.factor, decimals_for(told * unit.factor)))
     return f"{amount}, {score_text(rms / found.floor)} floors" if found.floor > 0 else amount
 
 

@@ -11,6 +11,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from fingerlab.diagnosis.equations.parameters import SLIPS
 from fingerlab.models.file import ParameterEstimate
 from fingerlab.prediction.extended import ChosenEffect, ExtendedModel
 from fingerlab.report.diagnosis_words import in_sentence
@@ -22,7 +23,7 @@ ADDED_UP = "What the effects below give for one symbol is added up."
 
 
 @dataclass(frozen=True)
-class Part:
+class EquationPart:
     """Equations that belong together: LaTeX lines of which the first starts each equation."""
 
     title: str
@@ -43,7 +44,7 @@ class Value:
 class FinalEquation:
     """All of it. ``values`` are those that the fit found; the bench's own constants stand in the report."""
 
-    parts: tuple[Part, ...]
+    parts: tuple[EquationPart, ...]
     values: tuple[Value, ...]
 
 
@@ -126,7 +127,7 @@ def fitted_finger(finger: Finger, found: Mapping[str, ParameterEstimate]) -> Fin
 
 
 @dataclass(frozen=True)
-class Coefficients:
+class TorqueConstants:
     """Numbers of the joint torques (3.16), (3.17): kg m^2 for ``own_mcp`` to ``own_pip``, N m for weights."""
 
     own_mcp: float
@@ -137,11 +138,11 @@ class Coefficients:
     weight_pip: float
 
 
-def coefficients(finger: Finger) -> Coefficients:
+def torque_constants(finger: Finger) -> TorqueConstants:
     """The constants in front of the accelerations and cosines of (3.16) and (3.17)."""
     m1, m2 = finger.proximal_mass, finger.distal_mass
     l1, l2 = finger.proximal_half_length, finger.distal_half_length
-    return Coefficients(
+    return TorqueConstants(
         own_mcp=finger.proximal_inertia + m1 * l1**2 + 4.0 * m2 * l1**2 + m2 * l2**2,
         coupling=2.0 * m2 * l1 * l2,
         distal=m2 * l2**2,
@@ -151,65 +152,65 @@ def coefficients(finger: Finger) -> Coefficients:
     )
 
 
-def _torque_part(finger: Finger) -> Part:
-    k = coefficients(finger)
-    c, d, alpha = number(k.coupling), number(k.distal), number(finger.wrist_angle)
-    weight = rf"{number(k.weight_pip)}\,\cos(\theta_1 + \theta_2 - {alpha})"
-    return Part(
+def _torque_part(finger: Finger) -> EquationPart:
+    k = torque_constants(finger)
+    c, d, alpha = latex(k.coupling), latex(k.distal), latex(finger.wrist_angle)
+    weight = rf"{latex(k.weight_pip)}\,\cos(\theta_1 + \theta_2 - {alpha})"
+    return EquationPart(
         "Joint torques that motion, weight and springs call for",
         (
-            rf"\mathrm{{LHS}}_1 = ({number(k.own_mcp)} + {number(2 * k.coupling)}\,\cos\theta_2)"
+            rf"\mathrm{{LHS}}_1 = ({latex(k.own_mcp)} + {latex(2 * k.coupling)}\,\cos\theta_2)"
             rf"\,\ddot\theta_1 + ({d} + {c}\,\cos\theta_2)\,\ddot\theta_2",
             rf"\qquad - {c}\,\sin\theta_2\,\dot\theta_2\,(2\dot\theta_1 + \dot\theta_2)"
-            rf" - {number(k.weight_mcp)}\,\cos({alpha} - \theta_1)",
-            rf"\qquad - {weight} + {number(finger.mcp_stiffness)}\,\theta_1",
-            rf"\mathrm{{LHS}}_2 = ({d} + {c}\,\cos\theta_2)\,\ddot\theta_1 + {number(k.own_pip)}"
+            rf" - {latex(k.weight_mcp)}\,\cos({alpha} - \theta_1)",
+            rf"\qquad - {weight} + {latex(finger.mcp_stiffness)}\,\theta_1",
+            rf"\mathrm{{LHS}}_2 = ({d} + {c}\,\cos\theta_2)\,\ddot\theta_1 + {latex(k.own_pip)}"
             rf"\,\ddot\theta_2 + {c}\,\sin\theta_2\,\dot\theta_1^2",
-            rf"\qquad - {weight} + {number(finger.pip_stiffness)}\,\theta_2",
+            rf"\qquad - {weight} + {latex(finger.pip_stiffness)}\,\theta_2",
         ),
         "Thesis (3.16), (3.17).",
     )
 
 
-def _tension_part(motor: Motor, found: Mapping[str, ParameterEstimate], with_effect: bool) -> Part:
+def _tension_part(motor: Motor, found: Mapping[str, ParameterEstimate], with_effect: bool) -> EquationPart:
     gain = 1.0 - _value(found, "torque_gain")
     inertia = (motor.inertia or 0.0) + _value(found, "rotor_inertia")
     assert motor.pulley_radius is not None
     rotor = rf"{signed(-inertia)}\,\ddot\theta_m" if inertia else ""
     effect = r" - \tau_m" if with_effect else ""
     constant = motor.torque_constant * motor.gear_ratio if motor.torque_constant and motor.gear_ratio else 0.0
-    current = rf",\qquad M = {number(constant)}\,i" if constant else ""
-    return Part(
+    current = rf",\qquad M = {latex(constant)}\,i" if constant else ""
+    return EquationPart(
         "Cable tension from the motor",
-        (rf"T = \frac{{{number(gain)}\,M {rotor}{effect}}}{{{number(motor.pulley_radius)}}}{current}",),
+        (rf"T = \frac{{{latex(gain)}\,M {rotor}{effect}}}{{{latex(motor.pulley_radius)}}}{current}",),
         "M: torque at the gearbox output. i: motor current."
         + (" The number before M corrects the torque constant." if gain != 1 else ""),
     )
 
 
-def _balance_part(found: Mapping[str, ParameterEstimate], with_effect: bool) -> Part:
+def _balance_part(found: Mapping[str, ParameterEstimate], with_effect: bool) -> EquationPart:
     lines = []
     for cable in _routings(found):
         for joint, index in (("mcp", 1), ("pip", 2)):
             arm = SIGNS[cable] * _value(found, f"arm_{joint}@{cable}")
             loss, trace = _value(found, f"loss_{joint}@{cable}"), _value(found, f"trace_{joint}")
             lines.append(
-                rf"\mathrm{{LHS}}_{index} = {number(arm)}\,T {signed(loss)}"
+                rf"\mathrm{{LHS}}_{index} = {latex(arm)}\,T {signed(loss)}"
                 + rf" {signed(-trace)}\,\dot\theta_{index}"
-                + (rf" - {number(1.0 + _value(found, 'force_gain'))}\,F\,\ell_{index}")
+                + (rf" - {latex(1.0 + _value(found, 'force_gain'))}\,F\,\ell_{index}")
                 + (rf" - H\,\lambda_{index}" if "lateral" in found else "")
                 + (rf" - \tau_{index}" if with_effect else "")
                 + rf"\qquad\mathrm{{({cable}\ cable)}}"
             )
     corrected = " The number before F corrects the load cell." if _value(found, "force_gain") else ""
-    return Part("Balance of each joint", tuple(lines), f"On air F and H are zero.{corrected}")
+    return EquationPart("Balance of each joint", tuple(lines), f"On air F and H are zero.{corrected}")
 
 
-def _contact_part(finger: Finger, found: Mapping[str, ParameterEstimate]) -> Iterator[Part]:
+def _contact_part(finger: Finger, found: Mapping[str, ParameterEstimate]) -> Iterator[EquationPart]:
     if "force_gain" not in found:
         return
-    alpha = number(finger.wrist_angle)
-    one, two = number(2 * finger.proximal_half_length), number(2 * finger.distal_half_length)
+    alpha = latex(finger.wrist_angle)
+    one, two = latex(2 * finger.proximal_half_length), latex(2 * finger.distal_half_length)
     lines = [
         rf"\ell_2 = {two}\,\cos(\theta_1 + \theta_2 - {alpha}),\qquad"
         rf" \ell_1 = {one}\,\cos({alpha} - \theta_1) + \ell_2"
@@ -220,7 +221,7 @@ def _contact_part(finger: Finger, found: Mapping[str, ParameterEstimate]) -> Ite
             rf"\lambda_2 = {two}\,\sin(\theta_1 + \theta_2 - {alpha}),\qquad"
             rf" \lambda_1 = \lambda_2 - {one}\,\sin({alpha} - \theta_1)"
         )
-        slips = sorted(key for key in found if key.startswith("lateral_slip_"))
+        slips = sorted(found.keys() & set(SLIPS))
         factors = [
             ("lateral", 1.0, r"\,F"),
             ("lateral_constant", 1.0, ""),
@@ -236,10 +237,10 @@ def _contact_part(finger: Finger, found: Mapping[str, ParameterEstimate]) -> Ite
             " H: force along its face. u: travel of the tip from where it stands on average. f_H: "
             "friction of the tip by its travel, F at most. f_1 and on: friction by the swing of F."
         )
-    yield Part("Levers of the contact force", tuple(lines), note)
+    yield EquationPart("Levers of the contact force", tuple(lines), note)
 
 
-def _cable_part(motor: Motor, found: Mapping[str, ParameterEstimate], with_effect: bool) -> Part:
+def _cable_part(motor: Motor, found: Mapping[str, ParameterEstimate], with_effect: bool) -> EquationPart:
     lines = []
     for cable in _routings(found):
         arms = [SIGNS[cable] * _value(found, f"arm_{joint}@{cable}") for joint in ("mcp", "pip")]
@@ -249,16 +250,16 @@ def _cable_part(motor: Motor, found: Mapping[str, ParameterEstimate], with_effec
             if _value(found, key)
         ]
         lines.append(
-            rf"{number(motor.pulley_radius or math.nan)}\,\theta_m = "
-            rf"{number(_value(found, f'offset@{cable}'))} {signed(arms[0])}\,\theta_1"
+            rf"{latex(motor.pulley_radius or math.nan)}\,\theta_m = "
+            rf"{latex(_value(found, f'offset@{cable}'))} {signed(arms[0])}\,\theta_1"
             rf" {signed(arms[1])}\,\theta_2 {' '.join(stretch)}"
             + (" + x" if with_effect else "")
             + rf"\qquad\mathrm{{({cable}\ cable)}}"
         )
-    return Part("Cable wound on the pulley", tuple(lines))
+    return EquationPart("Cable wound on the pulley", tuple(lines))
 
 
-def _bench_part(found: Mapping[str, ParameterEstimate], with_effect: bool) -> Part:
+def _bench_part(found: Mapping[str, ParameterEstimate], with_effect: bool) -> EquationPart:
     terms = [
         rf"{signed(_value(found, key))}{factor}"
         for key, factor in (
@@ -270,16 +271,16 @@ def _bench_part(found: Mapping[str, ParameterEstimate], with_effect: bool) -> Pa
         if key in found
     ]
     line = rf"M = {' '.join(terms).removeprefix('+ ')}" + (r" + \tau_m" if with_effect else "")
-    return Part("Torque of the motor", (line,), "M: torque at the gearbox output. τ_l: known load.")
+    return EquationPart("Torque of the motor", (line,), "M: torque at the gearbox output. τ_l: known load.")
 
 
-def _effect_part(one: ChosenEffect) -> Part:
+def _effect_part(one: ChosenEffect) -> EquationPart:
     formula = one.effect.formula
     if formula is None:
-        return Part(one.effect.title, (), "An effect of your own; its terms stand in its own file.")
+        return EquationPart(one.effect.title, (), "An effect of your own; its terms stand in its own file.")
     text = formula.equation.replace(r"\begin{align*}", "").replace(r"\end{align*}", "")
     lines = tuple(line.replace("&", "").strip() for line in text.split(r"\\"))
-    return Part(one.effect.title, lines, re.sub(r"\[([^]]+)\]\([^)]+\)", r"\1", formula.symbols))
+    return EquationPart(one.effect.title, lines, re.sub(r"\[([^]]+)\]\([^)]+\)", r"\1", formula.symbols))
 
 
 _MODEL_SYMBOLS = {
@@ -334,7 +335,7 @@ def _value(found: Mapping[str, ParameterEstimate], key: str) -> float:
     return found[key].value if key in found else 0.0
 
 
-def number(value: float, digits: int = 4) -> str:
+def latex(value: float, digits: int = 4) -> str:
     r"""LaTeX of a number: ``0.01163``, ``5.21\times 10^{-5}``; at most ``digits`` digits that count."""
     if value == 0 or 1e-3 <= abs(value) < 1e5:
         return f"{value:.{digits}g}"
@@ -345,4 +346,4 @@ def number(value: float, digits: int = 4) -> str:
 
 def signed(value: float) -> str:
     """A number as a further term of a sum: with a sign and a space in front."""
-    return f"{'-' if value < 0 else '+'} {number(abs(value))}"
+    return f"{'-' if value < 0 else '+'} {latex(abs(value))}"

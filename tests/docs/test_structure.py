@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import re
 import sys
 from collections import defaultdict
@@ -25,7 +26,24 @@ def test_nothing_imports_in_a_circle(structure: ModuleType) -> None:
     graph, lines = structure.graph_of(ROOT)
     assert structure.circles(graph) == []
     assert ("fingerlab", "diagnosis", "diagnose") in graph[("fingerlab", "diagnosis")]
-    assert sum(lines.values()) == sum(room.lines for room in structure.rooms())
+    rooms = structure.rooms()
+    assert sum(every for every, _ in lines.values()) == sum(room.lines for room in rooms)
+    assert sum(code for _, code in lines.values()) == sum(room.code for room in rooms)
+
+
+def test_code_is_what_neither_explains_nor_imports(structure: ModuleType) -> None:
+    lines = [
+        '"""Two',
+        'lines."""',
+        "",
+        "import os",
+        "from a import (",
+        "    b,",
+        ")",
+        "# said",
+        "X = b  # one",
+    ]
+    assert structure.code_lines("\n".join([*lines, '"""What X is."""', "Y = (", "    os", ")"])) == 4
 
 
 def test_a_circle_is_seen(structure: ModuleType, tmp_path: Path) -> None:
@@ -66,3 +84,17 @@ def test_every_file_of_the_walks_is_there() -> None:
     folders = re.findall(r"`(fingerlab/[\w/]+/)`: ([^\n]*(?:\n   [^\n]*)*)", walks)
     for folder, said in folders:
         assert [n for n in re.findall(r"`(\w+\.py)`", said) if not (ROOT / folder / n).exists()] == []
+
+
+STILL_TWO = {"Change", "Model"}
+"""Names that two rooms share; none is to join them."""
+
+
+def test_no_further_class_name_stands_twice(structure: ModuleType) -> None:
+    named: dict[str, list[str]] = {}
+    for top in structure.TOPS:
+        for path in sorted((ROOT / top).rglob("*.py")):
+            for node in ast.parse(path.read_text(encoding="utf-8")).body:
+                if isinstance(node, ast.ClassDef):
+                    named.setdefault(node.name, []).append(path.relative_to(ROOT).as_posix())
+    assert {name: places for name, places in named.items() if len(places) > 1}.keys() == STILL_TWO

@@ -1,4 +1,4 @@
-"""Where widgets stand: in columns and rows, rooms that scroll, panes with grips, the page of an empty tab."""
+"""Where widgets stand: in columns and rows, rooms that scroll, panes with grips, dialogs."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ from PySide6.QtCore import QEvent, QObject, QPoint, QSize
 from PySide6.QtGui import QFont, QResizeEvent, Qt
 from PySide6.QtWidgets import (
     QBoxLayout,
+    QDialog,
+    QDialogButtonBox,
     QFrame,
     QHBoxLayout,
-    QLabel,
     QLayout,
     QPushButton,
     QScrollArea,
@@ -264,16 +265,22 @@ class Panes(QSplitter):
         self.splitterMoved.connect(lambda *_: settings.set_heights(self.objectName(), self.sizes()))
 
 
-MARGIN_PX = 80
+class ResultDialog(QDialog):
+    """A window beside the main one that shows something, until its button or Escape shuts it.
 
+    Args:
+        title: in front of the program's name. width, height: px.
+    """
 
-def lay_out_invitation(page: QWidget, title: QLabel, text: QLabel, button: QPushButton) -> None:
-    """Title, text and button at the left of the page, a little above its middle."""
-    column = QVBoxLayout(page)
-    column.setContentsMargins(MARGIN_PX, 0, MARGIN_PX, 0)
-    column.setSpacing(16)
-    column.addStretch(2)
-    column.addWidget(title)
-    column.addWidget(text)
-    column.addWidget(button, 0, Qt.AlignmentFlag.AlignLeft)
-    column.addStretch(3)
+    def __init__(self, parent: QWidget | None, name: str, title: str, width: int, height: int) -> None:
+        super().__init__(parent)
+        self.setObjectName(name)
+        self.setWindowTitle(f"{title} – FingerLab")
+        self.resize(width, height)
+
+    def lay_out(self, *items: Item) -> QPushButton:
+        """Items above one another, and below them the button that shuts it."""
+        buttons = QDialogButtonBox(QDialogButtonBox.StandardButton.Close)
+        buttons.rejected.connect(self.reject)
+        vbox(self, *items, buttons, spacing=8)
+        return buttons.button(QDialogButtonBox.StandardButton.Close)

@@ -6,7 +6,16 @@ import math
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-from PySide6.QtCore import QEvent, QModelIndex, QObject, QPersistentModelIndex, QPointF, QSize, Qt
+from PySide6.QtCore import (
+    QEvent,
+    QModelIndex,
+    QObject,
+    QPersistentModelIndex,
+    QPointF,
+    QSize,
+    Qt,
+    SignalInstance,
+)
 from PySide6.QtGui import (
     QAction,
     QFontMetrics,
@@ -26,6 +35,7 @@ from PySide6.QtWidgets import (
     QGridLayout,
     QHeaderView,
     QLabel,
+    QPushButton,
     QSizePolicy,
     QStyle,
     QStyledItemDelegate,
@@ -36,7 +46,9 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from .layout import as_written, described
+from fingerlab.core.text import held_together
+
+from .layout import Spacer, as_written, described, vbox
 from .theme import large_font, small_font
 
 if TYPE_CHECKING:
@@ -174,7 +186,26 @@ class LinesLabel(ElidedLabel):
         laid.draw(painter, QPointF(room.left(), room.top() + max(0.0, spare) / 2.0))
 
 
-class WholeLabel(QLabel):
+class WordsLabel(QLabel):
+    """Words whose lines never end between a number and its unit."""
+
+    def __init__(self, text: str = "", parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setText(text)
+
+    def setText(self, text: str) -> None:
+        self._text = text
+        super().setText(held_together(text))
+
+    def text(self) -> str:
+        """The words as they were given."""
+        return self._text
+
+    def clear(self) -> None:
+        self.setText("")
+
+
+class WholeLabel(WordsLabel):
     """Wrapped words that keep the height that they need at their width: a layout cuts none of them."""
 
     def __init__(self, text: str = "", parent: QWidget | None = None) -> None:
@@ -217,10 +248,33 @@ def heading(text: str = "", large: bool = False) -> QLabel:
 
 def remark(text: str = "", wrap: bool = True) -> QLabel:
     """A quiet label for side remarks."""
-    label = described(QLabel(text), font=small_font(), role="muted")
+    label = described(WordsLabel(text), font=small_font(), role="muted")
     label.setTextFormat(Qt.TextFormat.PlainText)
     label.setWordWrap(wrap)
     return label
+
+
+EMPTY_MARGINS = (80, 0, 80, 0)
+"""Of a page without anything to show, px."""
+
+
+class EmptyPage(QWidget):
+    """The page of a tab that has nothing to show yet: what is missing, and a way to open a session."""
+
+    def __init__(self, name: str, open_asked: SignalInstance) -> None:
+        super().__init__()
+        self._title, self._text = described(heading(large=True), name), remark()
+        self._open = described(QPushButton("&Open a session…"), primary="true")
+        self._open.clicked.connect(open_asked)
+        column = vbox(self, Spacer(2), self._title, self._text, margins=EMPTY_MARGINS, spacing=16)
+        column.addWidget(self._open, 0, Qt.AlignmentFlag.AlignLeft)
+        column.addStretch(3)
+
+    def say(self, title: str, text: str, opened: bool) -> None:
+        """The two texts; the button stands there while no session is open."""
+        self._title.setText(title if opened else "No session open")
+        self._text.setText(text)
+        self._open.setVisible(not opened)
 
 
 LINE_ROOM = 6

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from fingerlab.acquisition.bench.bench import Bench
+from fingerlab.acquisition.bench.steering import LoopSettings, Refused, prepare
 from fingerlab.acquisition.control.machine import (
     Approach,
     Command,
@@ -15,15 +16,15 @@ from fingerlab.acquisition.control.machine import (
     Enable,
     Finish,
     Initialise,
-    Jog,
     Mode,
     SetUp,
     Start,
-    TakeUp,
     Tare,
 )
 from fingerlab.acquisition.control.motion import STOP_S
+from fingerlab.acquisition.control.plausibility import lacking, sensors_of
 from fingerlab.acquisition.control.trajectories import read_trajectory
+from fingerlab.acquisition.protocols.finding import FINDING, find_contact
 from fingerlab.acquisition.protocols.steps import (
     APPROACH_LIMIT,
     APPROACH_SPEED,
@@ -46,9 +47,6 @@ from fingerlab.core.errors import UserError
 from fingerlab.rig.file import INTERVENTION
 from fingerlab.sessions.model import Run
 from fingerlab.sessions.recording_files import FEED_FORWARD
-
-LET_GO, LET_GO_SPEED = math.radians(2.0), math.radians(4.0)
-"""rad, rad/s: by how much a cable that is tight is let go again (assumed: twice what moved the joints)."""
 
 MOST_LOST = 0.02
 """Share of a run's samples that may be missing when the next one is learned from it (assumed: gaps of some
@@ -116,71 +114,41 @@ class Beginning:
     trigger: Level | None = None
 
 
-def take_up_slack(bench: Bench, initial: Initialise) -> float:
-    """Wind until the cable pulls at the joints, and make that the motor's reference; then amplifier off.
+def refuse_impossible(steps: Sequence[Step], settings: LoopSettings) -> None:
+    """Look through a whole protocol before its first run: the loop itself looks at a run when that begins.
 
-    The bench was initialised. Before the current ends the cable is let go by 2 degrees, or the springs would
-    throw the motor back. The encoder stands at ``initial.position`` where the joints begin to move.
-
-    Returns:
-        The slack that was taken up, rad.
+    Where the contact is found on the way, a run is looked at about the middle of the motor's range.
 
     Raises:
-        UserError: it was refused or stopped, or the joints did not move.
+        UserError: the bench lacks a sensor, a run or a contact force is beyond its limits, or torques are to
+            be found for one that nobody has checked.
     """
-    bench.ask(Enable())
-    try:
-        begin = _position(bench)
-        command = TakeUp()
-        bench.ask(command)
-        patience = command.limit / command.speed + 5.0
-        bench.wait_until(lambda: bench.approached() is not None, patience, "Taking up the slack")
-        taut = bench.approached()
-        if taut is None or math.isnan(taut):
-            raise UserError(
-                f"The joints do not move within {math.degrees(command.limit):g}° and {command.current:g} A; "
-                "fix the cable, and look whether the finger is free."
-            )
-        bench.ask(Jog(-LET_GO_SPEED))
-        bench.wait_until(lambda: _position(bench) < taut - LET_GO, patience, "Letting the cable go")
-        bench.ask(Jog(0.0))
-        bench.wait(SETTLE_S)
-    finally:
-        if bench.status().enabled:
-            bench.ask(Disable())
-    bench.wait(SETTLE_S)
-    back = _position(bench) - taut
-    bench.ask(Initialise(initial.position + back, initial.mcp, initial.pip))
-    return taut - begin
-
-
-def find_contact(bench: Bench, force: float) -> float:
-    """Wind until the load cell shows ``force`` (N), and stay there.
-
-    Returns:
-        The motor's angle there, rad.
-
-    Raises:
-        UserError: it was refused or stopped, or the finger does not reach the load cell.
-    """
-    bench.ask(Approach(force, APPROACH_SPEED, APPROACH_LIMIT))
-    seconds = APPROACH_LIMIT / APPROACH_SPEED + 5.0
-    bench.wait_until(lambda: bench.approached() is not None, seconds, "Finding the load cell")
-    return _pressed_at(bench, force)
-
-
-def _pressed_at(bench: Bench, force: float) -> float:
-    reached = bench.approached()
-    if reached is None or math.isnan(reached):
+    limits = settings.limits
+    for set_up in (step.set_up for step in steps if isinstance(step, Change)):
+        sentence = lacking(sensors_of(set_up), settings.units)
+        if sentence:
+            raise UserError(sentence)
+    if settings.current_share < 1.0 and any(isinstance(step, WorkOut) for step in steps):
         raise UserError(
-            f"The fingertip does not press the load cell with {force:g} N before "
-            f"{math.degrees(APPROACH_LIMIT):g}° at the pulley; move the load cell nearer."
+            "The torques of a force trial are those of the rig's whole current, of which a bench that was "
+            f"not checked gets {settings.current_share:.0%}; confirm it with check-rig first."
         )
-    return reached
-
-
-def _position(bench: Bench) -> float:
-    return float(bench.ring.last(1)[0, COLUMN["motor_position"]])
+    middle = math.degrees(0.5 * (limits.position_low + limits.position_high))
+    seen: list[tuple[Mapping[str, Any], str]] = []
+    for step in steps:
+        command: Command
+        if isinstance(step, Find):
+            command, where = Approach(step.force, APPROACH_SPEED, APPROACH_LIMIT), ""
+        elif isinstance(step, Record) and step.later is None and (step.trajectory, step.cable) not in seen:
+            seen.append((step.trajectory, step.cable))
+            about = step.phase == "contact" and goes_about_contact(step.trajectory)
+            command = Start({**step.trajectory, **({"offset_deg": middle} if about else {})})
+            where = f"Run {step.number} of {step.count}: "
+        else:
+            continue
+        prepared = prepare(command, settings, isinstance(step, Find) or step.cable != "none")
+        if isinstance(prepared, Refused):
+            raise UserError(where + prepared.sentence)
 
 
 class ProtocolDriver:
@@ -267,8 +235,11 @@ class ProtocolDriver:
             if self.bench.status().mode in (Mode.RUNNING, Mode.STOPPING):  # ended early
                 self._wait_for_rest()
             self._off()
-        except BaseException:
+        except BaseException as error:
+            before = self.bench.status()
             self.bench.stop()
+            if isinstance(error, UserError) and before.mode is Mode.FAULT and before.fault:
+                raise UserError(before.fault) from error  # not that nothing may be begun in a fault
             raise
 
     def _take(self, step: Step) -> None:
@@ -330,17 +301,13 @@ class ProtocolDriver:
             bench.ask(command)
 
     def _find(self, step: Find) -> None:
-        bench = self.bench
-        bench.ask(Approach(step.force, APPROACH_SPEED, APPROACH_LIMIT))
-        seconds = APPROACH_LIMIT / APPROACH_SPEED + 5.0
-        self._tell(self.share, "finding the load cell", 0.0)
-        self._until(lambda: bench.approached() is not None or self._ending, seconds, "Finding the load cell")
-        if self._ending:
+        self._tell(self.share, FINDING.lower(), 0.0)
+        pressed = find_contact(self.bench, step.force, self._until, lambda: self._ending)
+        if pressed is not None:
+            self._offset_deg = round(math.degrees(pressed), 2)
+            self.bench.ask(Finish())
+        if self.bench.status().enabled:
             self._wait_for_rest()
-            return
-        self._offset_deg = round(math.degrees(_pressed_at(bench, step.force)), 2)
-        bench.ask(Finish())
-        self._wait_for_rest()
 
     def _lift(self, step: Lift) -> None:
         self.bench.ask(lifting(step))

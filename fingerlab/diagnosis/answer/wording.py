@@ -300,7 +300,7 @@ def _at_bounds(fitted: FittedModel, effect: Effect) -> str:
     """What is to be said where a strength is beyond, or at the end of, what was thought plausible."""
     usual, keys, stuck = find_effect(effect.id) or effect, own_keys(fitted, effect), at_assumed_bounds(fitted)
     said = []
-    for name in dict.fromkeys((*effect.widened, *stuck)):
+    for name in (one for one in dict.fromkeys((*effect.widened, *stuck)) if one in keys):
         before, value = usual.unknowns[name], abs(float(fitted.values[keys[name]]))
         bound = max(abs(before.low), abs(before.high))
         if value < bound and name not in stuck:
@@ -320,6 +320,9 @@ def _in_sentence(fitted: FittedModel, names: Sequence[str]) -> str:
 def _said(fitted: FittedModel, effect: Effect) -> str:
     """The effect's sentence; a motor bench has no joints to speak of."""
     on_bench = all(f.row == Row.BENCH for f in fitted.model.layout.features)
+    if on_bench and effect.of_an_axis is not None:
+        shape = next(c.shape for c in fitted.choices if c.effect is effect)
+        return effect.of_an_axis(effect.shapes[shape])
     return effect.explanation.replace(BOTH_JOINTS, ON_BENCH) if on_bench else effect.explanation
 
 

@@ -127,13 +127,33 @@ def fill_missing_noise(reduced: Reduced) -> None:
                 _give([g for g in alike if g.in_contact == phase], pooled, samples)
         elif on_bench and alike:
             variance = torque_noise(reduced)
-            if variance == 0.0:
+            bounded = variance == 0.0
+            if bounded:
                 found = [left_out_covariance(g.state_products) for g in alike]
                 variance = max((float(one[0, 0]) for one in found if one is not None), default=0.0)
             signal = _signal(reduced.layout, Row.BENCH, None)
             noise = np.zeros((reduced.layout.signal_count,) * 2)
             noise[signal, signal] = variance
+            for group in alike if variance > 0 else []:
+                group.bounded = bounded
             _give(alike if variance > 0 else [], noise, 1.0)
+
+
+def add_encoder_noise(reduced: Reduced) -> None:
+    """Let the speed and acceleration of a motor alone be no quieter than its encoder's steps make them.
+
+    A motion that comes again to the step has the same error in every cycle, which passes for misfit.
+    """
+    for group in reduced.groups:
+        if not (group.on_bench and group.noise_samples > 0 and group.encoder_noise):
+            continue
+        for name, order in (("bench_trace", 1), ("bench_inertia", 2)):
+            feature = reduced.layout.nuisance_features.get(name)
+            if feature is None:
+                continue
+            signal = int(reduced.layout.signals[reduced.layout.features.index(feature)])
+            least = group.noise_samples * group.encoder_noise[order]
+            group.noise[signal, signal] = max(group.noise[signal, signal], least)
 
 
 def torque_noise(reduced: Reduced) -> float:

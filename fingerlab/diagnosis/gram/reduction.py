@@ -203,7 +203,7 @@ class Reduction:
             self._asked, self._first = [_key(e) for e in acting], layouts
         return reduced
 
-    def closer(self, effects: Sequence[Effect], watch: Watch = SILENT) -> Reduced:
+    def refined(self, effects: Sequence[Effect], watch: Watch = SILENT) -> Reduced:
         """The same for few effects at shapes between the grid's, whose columns are formed anew.
 
         What was asked before is kept: another way to the same effects asks it again.
@@ -433,6 +433,7 @@ def _add(group: Group, k: int, found: RunSums, number: int, motion: int | None) 
     for cycle in found.cycles if motion is not None else ():
         group.cycles.setdefault((motion, cycle.stretch), []).append(cycle)
     group.encoder_variance = max(group.encoder_variance, found.encoder_variance)
+    group.encoder_noise = max(group.encoder_noise, found.encoder_noise)
     group.state_products += [found.state_products] if found.state_products else []
 
 

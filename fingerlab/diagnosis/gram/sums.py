@@ -365,6 +365,7 @@ class RunSums:
     senses: list[Senses] = field(default_factory=list)
     facts: Facts | None = None  # what its channels say of each other; on a first reading
     encoder_variance: float = 0.0
+    encoder_noise: tuple[float, ...] = ()
     state_products: list[Array] = field(default_factory=list)
     """Where no motion comes again: see ``state_law``, one for each block."""
     cycles: list[Cycle] = field(default_factory=list)
@@ -407,6 +408,8 @@ class Group:
     noise: Array
     noise_samples: float = 0.0
     encoder_variance: float = 0.0  # m^2 of cable: what a standing encoder's step leaves open
+    encoder_noise: tuple[float, ...] = ()
+    """What the step of an encoder that moves makes of its angle, speed and acceleration, squared, SI."""
     dealt: list[Fold] = field(default_factory=list)
     trends: dict[tuple[int, int], list[Array]] = field(default_factory=dict)
     """While runs are read: slow trends by condition and stretch, (signals, degrees) for each run."""
@@ -414,6 +417,8 @@ class Group:
     """Of each run where no motion comes again: see ``state_law``."""
     cycles: dict[Hashable, list[Cycle]] = field(default_factory=dict)
     """Of runs that were told the same motion, by motion and stretch."""
+    bounded: bool = False
+    """Whether its noise is what no law of the state tells, since no motion comes again: a bound."""
 
     def __post_init__(self) -> None:
         self.dealt = self.dealt or [Fold(0, k) for k in range(len(self.folds))]
@@ -514,7 +519,7 @@ class Reduced:
 
     @property
     def floor_from(self) -> FloorFrom:
-        """What the floor rests on, as ``cli.md`` has it; that of runs holds what their cycles tell, too."""
-        if not all(group.repeats for group in self.groups):
+        """What the floor rests on, as in ``diagnose --json``; of runs it holds what cycles tell, too."""
+        if not all(group.repeats and not group.bounded for group in self.groups):
             return "state law"
         return "runs" if any(group.repeated_cycles for group in self.groups) else "cycles"

@@ -22,7 +22,6 @@ from fingerlab.diagnosis.score.selection import (
     least_explained,
     log_odds_among,
     much_left,
-    temperature,
 )
 from fingerlab.diagnosis.settings import (
     AS_LIKELY,
@@ -108,16 +107,16 @@ class Evidence:
         return "missing_effect" if found >= self.unknown else "not_in_catalogue"
 
 
-def judge(base: FittedModel, candidates: Sequence[FittedModel]) -> Evidence:
+def judge(base: FittedModel, candidates: Sequence[FittedModel], deviances: Array | None = None) -> Evidence:
     """Probabilities of "nothing missing", of every candidate's last effect, and of something unknown.
 
     Args:
         base: the model as given. candidates: it with one effect more, each; all scored on held-out runs where
-            they could matter.
+            they could matter. deviances: as of :func:`log_odds_among`.
     """
     zero, count = max(base.misfit, 0.0), base.count
     charged = np.array([t.misfit + charge(base, t) for t in candidates])
-    heat = temperature(min((t.misfit for t in candidates), default=zero), count)
+    heat = base.heat(min((t.misfit for t in candidates), default=zero))
     in_contact = contact_charge(base, candidates[int(np.argmin(charged))]) if len(candidates) else 0.0
     tolerated = zero - least_explained(base, zero, count, in_contact)
     effects = -0.5 * charged / heat + np.log(PRIOR_EFFECTS / max(len(candidates), 1))
@@ -126,7 +125,7 @@ def judge(base: FittedModel, candidates: Sequence[FittedModel]) -> Evidence:
     unexplained = (1.0 - UNKNOWN_SHARE) * zero + least_unknown * count + 2 * DECIDING_LOG_ODDS * heat
     unknown = -0.5 * unexplained / heat + np.log(PRIOR_UNKNOWN)
     logs = np.array([np.logaddexp.reduce(effects), nothing, unknown])
-    log_odds = log_odds_among(base, candidates)
+    log_odds = log_odds_among(base, candidates, deviances)
     least_left = max(float(min(charged, default=zero)), 0.0) / max(count, 1.0)
     found, none, other = _shared(logs)
     shares = found * shares_of(log_odds)
@@ -144,12 +143,6 @@ def shares_of(log_odds: Array) -> Array:
     """Probability of each effect if one of them is missing, (candidates,)."""
     shares = np.exp(log_odds)
     return np.asarray(shares / max(float(shares.sum()), 1.0))
-
-
-def against_nothing(base: FittedModel, misfit: float, left: float, count: float) -> float:
-    """Log odds of one of many effects against none, by the misfit without it and with it."""
-    fall = misfit - least_explained(base, misfit, count) - left
-    return 0.5 * fall / temperature(left, count) + float(np.log(PRIOR_EFFECTS / PRIOR_NOTHING))
 
 
 def distrusted(evidence: Evidence) -> Evidence:
@@ -190,8 +183,8 @@ def begun_by(evidence: Evidence, path: Sequence[FittedModel]) -> Evidence:
 
     Which is first depends on the others, which single effects do not have beside them.
     """
-    first, last, count = path[1].last_effect.id, path[-1], max(path[-1].count, 1.0)
-    heat = temperature(last.misfit, count)
+    first, last = path[1].last_effect.id, path[-1]
+    heat = last.heat()
     share = np.log(PRIOR_EFFECTS / max(len(evidence.candidates), 1)) - DECIDING_LOG_ODDS
     effects = -0.5 * max(last.misfit, 0.0) / heat + (len(path) - 1) * share
     zero = max(path[0].misfit, 0.0)

@@ -116,6 +116,7 @@ class FittedModel:
         residuals: mean products of the equations' residuals for each group, (5, 5) over ``Row``, noise
             included; empty where it was not asked for.
         folds: the same fold by fold for each group, beside its misfit; empty where it was not asked for.
+        runs: that it was scored on; at most as many as there are folds.
         widening: what it costs in twice the log density that sticking friction may hold any value at rest.
         prior_penalty: what the constants of the joints' equations cost in twice the log density.
         sensitivity: what the last effect would do; empty where it was not asked for.
@@ -131,6 +132,7 @@ class FittedModel:
     in_sample: Array = field(default_factory=lambda: np.zeros((0, 2)))
     residuals: Mapping[GroupKey, Array] = field(default_factory=dict)
     folds: Mapping[GroupKey, FoldErrors] = field(default_factory=dict)
+    runs: int = 0
     widening: float = 0.0
     prior_penalty: float = 0.0
     sensitivity: Sensitivity = NO_SENSITIVITY
@@ -184,6 +186,10 @@ class FittedModel:
         """Independent values behind ``misfit``."""
         return float(self.misfits[:, 1].sum())
 
+    def heat(self, misfit: float | None = None) -> float:
+        """The :func:`temperature` of its misfit, or of another one of the same runs."""
+        return temperature(self.misfit if misfit is None else misfit, self.count, self.runs)
+
     @property
     def score(self) -> float:
         """Error over all equations and samples in units of the repeatability floor; 1.0 is the floor."""
@@ -206,10 +212,15 @@ def condition_weights(counts: Array) -> Array:
 
 
 def own_keys(fitted: FittedModel, effect: Effect) -> dict[str, str]:
-    """Name of each of the effect's parameters -> key of the unknown, as far as the model has it."""
+    """Name of each of the effect's parameters -> key of the unknown, as far as its law at hand uses it."""
     if effect.special == "delay":
         return {"delay": "delay"}
     keys = {name: f"{effect.id}.{name}" for name in effect.gains} | {name: name for name in effect.relaxes}
+    shape = next((c.shape for c in fitted.choices if c.effect.id == effect.id), None)
+    if shape is not None and not effect.special:
+        layout = fitted.model.layout
+        used = {layout.features[i].parameter for i in layout.indices(effect.id, shape)}
+        keys = {name: key for name, key in keys.items() if name in effect.relaxes or name in used}
     return {name: key for name, key in keys.items() if key in fitted.model.index}
 
 

@@ -20,13 +20,14 @@ from fingerlab.diagnosis.equations.model import Choice, Model, build
 from fingerlab.diagnosis.equations.parameters import TIP_LAWS, TORQUE_ZERO
 from fingerlab.diagnosis.fit.data import Data, FoldNumbers, Weighted, Weights, change, own_to_a_run
 from fingerlab.diagnosis.fit.noise import (
+    add_encoder_noise,
     fill_missing_noise,
     first_weights,
     noise_covariance,
     noise_weights,
     products_of_rows,
 )
-from fingerlab.diagnosis.fit.priors import starting_arms, surprise
+from fingerlab.diagnosis.fit.priors import prior_penalty, starting_arms
 from fingerlab.diagnosis.fit.solver import Fitter, LeftOut
 from fingerlab.diagnosis.gram.sums import Offsets, Reduced, RunConstants
 from fingerlab.diagnosis.score.fitted_model import FittedModel, FoldErrors, paired_misfit, sensitivity
@@ -52,6 +53,7 @@ class Scorer:
         with ThreadPoolExecutor() as threads:  # large matrices, for once: a core each
             list(threads.map(attrgetter("whole"), reduced.groups))
             self._arms = starting_arms(reduced.layout, reduced.groups)
+            add_encoder_noise(reduced)
             fill_missing_noise(reduced)
         self.data = Data(reduced.groups, reduced.constants)
         self._models: dict[tuple[object, ...], Model] = {}
@@ -304,6 +306,7 @@ class Scorer:
             in_sample=in_sample,
             in_contact=np.array([g.in_contact for g in self.reduced.groups for _ in g.conditions]),
             held_out=held_out,
+            runs=sum(len(g.dealt) for g in self.reduced.groups),
             widening=fitter.widening,
             prior_penalty=self._prior_penalty(fitted),
             paired=self._paired(fitted),
@@ -317,7 +320,7 @@ class Scorer:
 
     def _prior_penalty(self, fitted: FittedModel, zero_spread: float | None = None) -> float:
         routings = {g.key[0] for g in self.reduced.groups if not g.in_contact}
-        return surprise(fitted.model, fitted.fit.values, self.reduced.radius, routings, zero_spread)
+        return prior_penalty(fitted.model, fitted.fit.values, self.reduced.radius, routings, zero_spread)
 
     def _fitter(self, fitted: FittedModel) -> Fitter:
         """What scores the model; those under the last weights are kept, for an answer asks them again."""

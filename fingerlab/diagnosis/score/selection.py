@@ -16,7 +16,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from fingerlab.diagnosis.equations.features import BoolArray
-from fingerlab.diagnosis.fit.data import temperature
 from fingerlab.diagnosis.score.fitted_model import FittedModel, paired_log_odds
 from fingerlab.diagnosis.settings import (
     CONTACT_CHARGE,
@@ -35,7 +34,9 @@ from fingerlab.diagnosis.settings import (
     MUCH,
     NEXT_SHARE,
     SYSTEMATIC_VALUES,
+    USUAL_FREEDOM,
     USUAL_LEFT,
+    USUAL_POINTS,
 )
 from fingerlab.effects.base import Row
 from fingerlab.sessions.model import Array
@@ -51,9 +52,10 @@ def justified(base: FittedModel, fitted: FittedModel, level: float = 0.0, reach:
     fall = base.misfit - fitted.misfit - level
     explained = min(fall, fall + level) if base.choices else fall
     explained = min(explained, max(base.misfit, reach, 0.0))  # what lies below the floor is no misfit
-    heat = temperature(fitted.misfit, fitted.count)
+    heat = fitted.heat()
     in_contact = contact_charge(base, fitted)
-    likely = 0.5 * (fall - charge(base, fitted) - in_contact * fitted.count) / heat > DECIDING_LOG_ODDS
+    gain = 0.5 * (fall - charge(base, fitted) - in_contact * fitted.count) / heat
+    likely = gain > DECIDING_LOG_ODDS + cost_of_choice(fitted)
     return bool(likely and explained > least_explained(base, base.misfit, base.count, in_contact))
 
 
@@ -85,6 +87,16 @@ def freedom(fitted: FittedModel) -> int:
     effect = fitted.last_effect
     gains = len(fitted.model.last_gains) - len(effect.offsets)  # what the losses could be explains no misfit
     return gains + len(effect.relaxes) + (1 if len(effect.shapes) > 3 else 0)
+
+
+def cost_of_choice(fitted: FittedModel) -> float:
+    """Log odds that the model's last effect must overcome for being more flexible than effects usually are.
+
+    By chance one of many points of a grid fits better than one of few, and many gains better than two.
+    """
+    points = len(fitted.last_effect.shapes)
+    beyond = max(freedom(fitted) - USUAL_FREEDOM, 0)
+    return COST_OF_A_GAIN * beyond + math.log(max(points / USUAL_POINTS, 1.0))
 
 
 def charge(base: FittedModel, fitted: FittedModel) -> float:
@@ -121,15 +133,25 @@ def much_left(fitted: FittedModel, much: float = MUCH) -> bool:
     return fitted.misfit > much * fitted.count
 
 
-def log_odds_among(base: FittedModel, candidates: Sequence[FittedModel]) -> Array:
+def log_odds_among(
+    base: FittedModel, candidates: Sequence[FittedModel], deviances: Array | None = None
+) -> Array:
     """Log odds of the effects among each other, against the best, (candidates,): if one of them, then which?
 
     What the best of them leaves beyond the usual is systematic, the error of its law, and the other laws have
     errors of unknown size, too: the odds go by how many times as much a model leaves, not by the difference.
+
+    Args:
+        deviances: of the models, each under its own weights, (candidates,). Under wide weights, those of a
+            law whose column is noisy, all leave about the same; then what a model leaves beyond the likeliest
+            is at least what it is less likely by. None: weights of one model suit all.
     """
     if not candidates:
         return np.zeros(0)
     left = np.array([max(t.misfit + charge(base, t), 0.0) / max(t.count, 1.0) for t in candidates])
+    if deviances is not None:
+        count = np.array([max(t.count, 1.0) for t in candidates])
+        left = np.maximum(left, left[np.argmin(deviances)] + (deviances - deviances.min()) / count)
     log = by_what_is_left(left)
     log -= COST_OF_A_GAIN * np.array([freedom(t) for t in candidates])
     log -= 0.5 * np.array([t.prior_penalty for t in candidates])

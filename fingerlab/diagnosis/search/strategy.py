@@ -295,7 +295,7 @@ def _judged_beside(
     With the weights of the models that were compared last.
     """
     last = path[-1]
-    if len(path) < 3 or evidence.best.last_effect.id in last.effect_ids:
+    if len(path) < 2 or evidence.best.last_effect.id in last.effect_ids:
         return evidence, last.weights
     keep = len(path[0].choices)
     others = [*last.choices[:keep], *last.choices[keep + 1 :]]

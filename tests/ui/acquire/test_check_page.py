@@ -30,8 +30,8 @@ from ..virtual_card import Card, InProcessChannel, Servicer
 
 @pytest.fixture
 def benches(unconnected, tmp_path: Path) -> Callable[..., Rig]:  # type: ignore[no-untyped-def]
-    """A window whose benches are on a virtual clock, with checks kept in ``tmp_path / checks``."""
-    return partial(unconnected, checks=tmp_path / "checks")
+    """A window whose benches are on a virtual clock, with checks kept below ``tmp_path``."""
+    return partial(unconnected, checked=False)
 
 
 def unpaced(choice: Any) -> Any:
@@ -70,7 +70,7 @@ def test_a_rehearsal_by_clicks_ends_confirmed_and_leads_to_the_bench(
     answer(rig, qtbot, {})
     assert "All confirmed" in rig.label("checkQuestion")
     assert set(findings(rig).values()) == {"confirmed", "not applicable"}
-    assert not (tmp_path / "checks").exists()  # of no real bench
+    assert not (tmp_path / "rigs" / "default" / "checks").exists()  # of no real bench
     rig.click("checkDrive")
     qtbot.waitUntil(rig.tab.connected, timeout=PATIENCE)
     assert rig.button("initialise").isVisible()
@@ -129,25 +129,28 @@ def test_a_card_has_a_tenth_of_its_current_until_its_check_is_kept(
         rig.run(2.5)
         ring = rig.bench.ring
         most = np.abs(ring.copy(0, ring.written)[1][:, COLUMN["current_command"]]).max()
+        said.append(rig.label("message"))
         rig.click("record")
         rig.run(0.3)
         rig.click("record")
         rig.run(0.1)
-        said = open_session(rig.write()).attributes["check_rig"]
+        kept = open_session(rig.write()).attributes["check_rig"]
         rig.tab.disconnect_rig()
         rig.wait_idle()
-        told.append(str(said))
+        told.append(str(kept))
         return float(most)
 
     told: list[str] = []
+    said: list[str] = []
     limit = default_rig().limits.current
     assert driven() <= 0.1 * limit
     assert told == ["never checked"]
+    assert "the current stays below 0.3 A until a check confirms the bench" in said[0]
     allowed = f"the current stays below {0.1 * limit:.2g} A, a tenth of its limit"
     assert any(allowed in line for line in rig.window.context.log), rig.window.context.log
     rig.click("checkRig")
     answer(rig, qtbot, {})
-    (kept,) = (tmp_path / "checks").glob("*.json")
+    (kept,) = (tmp_path / "rigs" / "default" / "checks").glob("*.json")
     assert rig.label("checkQuestion") == f"All confirmed. Kept in {kept}."
     rig.click("checkLeave")
     rig.wait_idle()

@@ -5,8 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from PySide6.QtGui import QAction
-from PySide6.QtWidgets import QLabel, QPushButton, QTableWidget, QWidget
+from PySide6.QtWidgets import QLabel, QPushButton, QTableWidget
 from pytestqt.qtbot import QtBot
 
 from fingerlab.models.file import save_model
@@ -17,19 +16,14 @@ from fingerlab.thesis.analysis import PUBLISHED, PublishedQuantity
 from fingerlab.twin.effects import parse_effects
 from fingerlab.twin.protocols import RunPlan, load_preset
 from fingerlab.twin.session import write_session
+from fingerlab.ui.fit.fit_view import ReplicateDialog
+from fingerlab.ui.predict.force_panel import ModelsDialog
 from fingerlab.ui.predict.predict_tab import PredictTab
 
-from ..hands import child, click
+from ..hands import child, chosen_in_menu, click
 
 PATIENCE = 120_000
 pytestmark = pytest.mark.qt_log_ignore("This plugin does not support")
-
-
-def chosen_in_menu(window: QWidget, text: str) -> QAction:
-    """The entry of the window's menus that reads so."""
-    found = [one for one in window.findChildren(QAction) if one.text().replace("&", "") == text]
-    assert found, text
-    return found[0]
 
 
 def cells(table: QTableWidget) -> list[list[str]]:
@@ -60,7 +54,7 @@ def test_saved_models_are_compared_on_runs_left_out(qtbot: QtBot, make_window, t
     window.context.commands_changed.emit()
     assert compare.isEnabled()
     compare.trigger()
-    qtbot.waitUntil(lambda: tab._compared is not None and tab._compared.isVisible(), timeout=PATIENCE)
+    qtbot.waitUntil(lambda: any(d.isVisible() for d in window.findChildren(ModelsDialog)), timeout=PATIENCE)
     nominal, friction = cells(child(window, QTableWidget, "comparedTable"))
     assert nominal[:2] == ["nominal model", "–"]
     assert friction[:2] == ["friction.json", "Coulomb joint friction"]
@@ -85,7 +79,7 @@ def test_the_thesis_experiment_is_repeated_from_the_menu(
     monkeypatch.setattr(comparison_words, "replicated", quick)
     window = make_window(tab="fit")
     chosen_in_menu(window, "The thesis' experiment again…").trigger()
-    dialog = window.tab("fit")._replicate
+    dialog = window.findChild(ReplicateDialog)
     dialog.seed.setValue(5)
     dialog.benches.setValue(2)
     click(window, "replicateRun")
