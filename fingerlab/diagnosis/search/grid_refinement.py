@@ -39,7 +39,6 @@ from fingerlab.diagnosis.settings import (
     USUAL_LEFT,
 )
 from fingerlab.effects.base import Effect, Shape, of_shape
-from fingerlab.sessions.model import Array
 
 
 def fit_effects(scorer: Scorer, effects: Sequence[Effect]) -> FittedModel:
@@ -323,12 +322,12 @@ def break_ties(
             refined.append((scorer, alone))
             weights = alone.weights
     # All are scored in the floors of the likeliest.
-    deviances = np.array([by.deviance(fitted) for by, fitted in refined])
-    under = refined[int(np.argmin(deviances))][1].weights
+    floors = min((by.deviance(fitted), k) for k, (by, fitted) in enumerate(refined))[1]
+    under = refined[floors][1].weights
     scored = [
         by.score_held_out(by.fit(fitted.choices, fitted, FULL_ITERATIONS, under)) for by, fitted in refined
     ]
-    return untied(evidence, tied, scored, deviances)
+    return untied(evidence, tied, scored)
 
 
 def worth_untying(evidence: Evidence) -> list[int]:
@@ -342,16 +341,10 @@ def worth_untying(evidence: Evidence) -> list[int]:
     return [] if alone or not any(can_refine(evidence.candidates[i].choices) for i in tied) else tied
 
 
-def untied(
-    evidence: Evidence, tied: Sequence[int], refined: Sequence[FittedModel], deviances: Array | None = None
-) -> Evidence:
-    """The evidence with the odds of the ``tied`` candidates by what they leave at their refined shapes.
-
-    Args:
-        deviances: of the refined models under their own weights, (tied,).
-    """
+def untied(evidence: Evidence, tied: Sequence[int], refined: Sequence[FittedModel]) -> Evidence:
+    """The evidence with the odds of the ``tied`` candidates by what they leave at their refined shapes."""
     log_odds = evidence.log_odds.copy()
-    log_odds[tied] = log_odds_among(evidence.base, refined, deviances)
+    log_odds[tied] = log_odds_among(evidence.base, refined)
     found = float(evidence.probabilities.sum())
     return replace(evidence, log_odds=log_odds, probabilities=found * shares_of(log_odds))
 

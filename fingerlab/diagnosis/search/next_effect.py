@@ -349,3 +349,10 @@ def rescore(scorer: Scorer, evidence: Evidence, weights: Weights) -> Evidence:
             scorer.score_held_out(new) if old.held_out else _as_held_out(base, scorer.score_in_sample(new))
         )
     return replace(evidence, base=base, candidates=tuple(scored))
+
+
+def judged_under(scorer: Scorer, evidence: Evidence, weights: Weights) -> Evidence:
+    """Every candidate of the evidence judged again under these weights, and by likelihood under its own."""
+    seen = rescore(scorer, evidence, weights)
+    candidates = sorted(seen.candidates, key=lambda one: one.misfit)
+    return judge(seen.base, candidates, _own_deviances(scorer, candidates, {}))
