@@ -62,7 +62,17 @@ def test_friction_at_rest_frees_its_own_equation_by_a_third_of_its_square(scorer
     spread = 1.0 / (weights + held[0])[Row.MCP, Row.MCP] - 1.0 / weights[Row.MCP, Row.MCP]
     assert spread == pytest.approx((torque / arm) ** 2 / 3.0, rel=0.2)
     assert (weights + held[0])[Row.PIP, Row.PIP] == pytest.approx(weights[Row.PIP, Row.PIP])
-    group.whole.rest = None
+    # A standstill holds one unknown force: seen twice as long, it is known to half the variance, and the
+    # density of each of the seven falls by that alone.
+    values[trial.model.index["coulomb_friction.coulomb_mcp"]] = 100.0 * torque
+    fallen = []
+    for samples in (700, 1400):
+        group.whole.rest_samples, group.whole.standstills = samples, 7
+        found = scorer.data.held(0, trial.model, trial.model.features(values, group), weights)
+        assert found is not None
+        fallen.append(found[1])
+    assert fallen[1] - fallen[0] == pytest.approx(7 * np.log(2.0), rel=0.01)
+    group.whole.rest, group.whole.rest_samples, group.whole.standstills = None, 0, 0
 
 
 def test_what_is_held_at_rest_is_doubted_wherever_the_low_pass_carries_it() -> None:
@@ -71,7 +81,7 @@ def test_what_is_held_at_rest_is_doubted_wherever_the_low_pass_carries_it() -> N
     position = np.minimum(time, 2.0) + np.maximum(time - 3.0, 0.0)
     held = ((time > 2.0) & (time < 3.0)).astype(float)
     rest, carried, at = rest_moments(position), decimate(held), decimate(time)
-    assert rest[carried > 0.2].all()
+    assert rest[carried > 0.6].all()  # at its edges a half
     assert not rest[(at < 1.85) | (at > 3.15)].any()
     assert rest.sum() < 1.4 * NARROW_RATE_HZ
 
