@@ -47,6 +47,8 @@ colours, and a file with a palette is a third of one without."""
 def main() -> None:
     """Make all pictures, or those of the tabs that are named."""
     given = sys.argv[1:]
+    if any(word.startswith("-") for word in given):
+        raise SystemExit(__doc__)
     target = (Path(given[0]) if given else Path(__file__).parent / "images").resolve()
     target.mkdir(parents=True, exist_ok=True)
     wanted = given[1:] or list(TABS)

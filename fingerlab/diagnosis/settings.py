@@ -164,6 +164,11 @@ REST_REACH = 2
 """Decimated samples on either side of a moment that are looked at for it: five make the sixth of a second."""
 SLACK_SPREAD_M = 1e-4
 """Cable that may hang loose at no tension before that is called slack, m; assumed."""
+LOW_PASS_REACH = 1
+"""Decimated samples by which a standstill is longer than it seems: the low-pass rounds the corners of the
+angle, and carries what was held over them. Without it, the ends of a standstill were weighed as motion, and
+one run of steps took a third off the joints' friction; with two, reversals that tell where it rubs were
+doubted."""
 HELD_SHARE = 1.0 / 3.0
 """Mean square of a friction anywhere between its extremes, as a share of its square when it slides."""
 

@@ -98,12 +98,12 @@ def hidden_besides(diagnosis: Diagnosis) -> tuple[str, ...]:
 
 def hidden_sentence(diagnosis: Diagnosis) -> str:
     """What these data could not show besides what the other sentences name; empty where there is nothing."""
-    ids = ", ".join(hidden_besides(diagnosis))
-    if not ids:
+    hidden = hidden_besides(diagnosis)
+    if not hidden:
         return ""
     if not_shown(diagnosis):
-        return f"Nor could they have shown, although one of these is less likely: {ids}."
-    return f"These data could not show, at a plausible strength: {ids}."
+        return f"Nor could they have shown, although one of these is less likely: {_names(hidden)}."
+    return f"These data could not show, at a plausible strength: {_names(hidden)}."
 
 
 def would_show(diagnosis: Diagnosis) -> tuple[str, ...]:
