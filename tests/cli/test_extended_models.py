@@ -134,8 +134,10 @@ def test_a_model_file_comes_back_as_it_was_written(session_file: Path, model_fil
     assert delay.value == pytest.approx(DELAY_S, abs=0.002)
 
 
-def test_diagnose_saves_what_add_names(session_file: Path, tmp_path: Path, capsys) -> None:
-    saved, figures = tmp_path / "M.json", tmp_path / "figures"
+def test_diagnose_saves_what_add_names(tmp_path: Path, capsys) -> None:
+    saved, figures, session_file = tmp_path / "M.json", tmp_path / "figures", tmp_path / "S.h5"
+    few = [PLANS[0], PLANS[0], PLANS[1]]  # what is found in them is not asked
+    write_session(session_file, load_preset(), "few", few, parse_effects((f"transport_delay={DELAY_S}",)), 11)
     options = ("--add", "transport_delay", "--save", saved, "--figures", figures, "--json", "-")
     assert run_command("diagnose", session_file, *options) == 0
     told = json.loads(capsys.readouterr().out)

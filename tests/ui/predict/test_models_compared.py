@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from PySide6.QtWidgets import QLabel, QPushButton, QTableWidget
+from PySide6.QtWidgets import QDoubleSpinBox, QLabel, QPushButton, QTableWidget
 from pytestqt.qtbot import QtBot
 
 from fingerlab.models.file import save_model
@@ -51,6 +51,11 @@ def test_saved_models_are_compared_on_runs_left_out(qtbot: QtBot, make_window, t
     assert not compare.isEnabled()
     tab.add_files([tmp_path / "friction.json"])
     qtbot.waitUntil(lambda: tab.found is not None and not window.tasks.busy, timeout=PATIENCE)
+    mean, amplitude = (
+        child(window, QDoubleSpinBox, f"wanted_{name}_n").value() for name in ("mean", "amplitude")
+    )
+    recorded = open_session(path).contact_runs()[0].channel("endpoint_force")[3000:]
+    assert recorded.min() < mean - amplitude < mean + amplitude < recorded.max()
     window.context.commands_changed.emit()
     assert compare.isEnabled()
     compare.trigger()
