@@ -52,7 +52,9 @@ EFFECT = Effect(
         "cable_compliance": Parameter(
             "m/N", 0.0, 5e-3, 1e-4, "assumed: a fabric glove gives 2 mm a newton", "cable compliance"
         ),
-        "cable_damping": Parameter("m s/N", -5e-5, 5e-5, 2e-6, title="cable damping"),
+        "cable_damping": Parameter(
+            "m s/N", -5e-5, 5e-5, 2e-6, title="stretch by the tension's rate (below 0: it lags)"
+        ),
     },
     coordinate="tension",
     equation=Row.CABLE,
@@ -62,8 +64,8 @@ EFFECT = Effect(
     formula=Formula(
         equation=r"x = c\,\bar T + d\,\dot T,\qquad T_c\,\dot{\bar T} + \bar T = T",
         symbols=(
-            "c: compliance of the cable. d: its damping. T_c: time by which a damper beside the "
-            "spring lets the stretch lag."
+            "c: compliance of the cable. d: stretch by the tension's rate (a damper has d below 0). "
+            "T_c: time by which a damper beside the spring lets the stretch lag."
         ),
         source=(
             "Hooke's law with damping (standard linear solid, Zener 1948); the thesis suspects "

@@ -198,8 +198,10 @@ def test_the_plainer_law_is_named_beside_friction_that_grows_with_load() -> None
     machine = session(axis)
     result = verdict_on(machine)
     assert result.final_model == ("motor_coulomb_friction", "load_dependent_friction")
-    found = result.final_parameters
-    assert found["motor_coulomb_friction.coulomb"].value == pytest.approx(0.5 * axis.torque, rel=0.05)
+    found = result.final_parameters["motor_coulomb_friction.coulomb"]
+    # What sticks follows the load at once or keeps its force: that moves a share of Coulomb's by 2 %.
+    assert found.low < 0.5 * axis.torque < found.high
+    assert found.value == pytest.approx(0.5 * axis.torque, rel=0.08)
     given = diagnose([machine], result.final_model, with_curves=False)
     assert given.errors["motor_torque"].rmse < 0.07 * axis.torque
 

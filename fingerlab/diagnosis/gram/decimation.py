@@ -19,7 +19,6 @@ from itertools import count
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from scipy.ndimage import binary_dilation
 
 from fingerlab.diagnosis.equations.columns import Asked, Column, all_columns, effect_columns
 from fingerlab.diagnosis.equations.features import SHIFT_SAMPLES, SLOPE, BoolArray, IntArray
@@ -82,7 +81,8 @@ def rest_moments(position: Array) -> BoolArray:
     angle = np.pad(decimate(position), REST_REACH, mode="edge")
     windows = sliding_window_view(angle, 2 * REST_REACH + 1)
     still = np.ptp(windows, axis=1) < np.radians(AT_REST_DEG)
-    return np.asarray(binary_dilation(still, np.ones(2 * (REST_REACH + LOW_PASS_REACH) + 1)))
+    reach = REST_REACH + LOW_PASS_REACH
+    return np.asarray(sliding_window_view(np.pad(still, reach), 2 * reach + 1).any(axis=1))
 
 
 MARGIN = max(abs(samples) for samples in SHIFT_SAMPLES)

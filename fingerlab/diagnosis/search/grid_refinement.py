@@ -73,7 +73,7 @@ def fit_refined(
     scorer = Scorer(reduction.of(effects, watch))
     for one in effects:
         if one not in scorer.reduced.layout.effects:
-            raise UserError(f"'{one.id}' does not apply to these runs; leave it out of --add.")
+            raise UserError(f"{one.title} ({one.id}) does not apply to these runs; leave it out.")
     fitted = fit_effects(scorer, effects)
     if look is not None:
         look(scorer, fitted)
