@@ -24,8 +24,8 @@ python start.py COMMAND [ARGS]  run a command, as 'fingerlab COMMAND'; --help af
 The first start makes .venv and installs the locked dependencies; later starts install nothing."""
 
 EVERY_TEST = ("-n", "2", "--dist", "loadfile", "--no-loadscope-reorder")
-"""The whole suite runs in two processes, a file at a time; what somebody picks by hand runs in one. In the order
-of their names, for files with few tests hold the longest ones: last, they would leave one process waiting."""
+"""The whole suite runs in two processes, a file at a time; what somebody picks by hand runs in one. In the
+order of their names, for files with few tests hold the longest: last, they leave one process waiting."""
 
 
 def main(arguments: Sequence[str]) -> int:
