@@ -15,6 +15,7 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QComboBox, QDoubleSpinBox, QTableWidget
 from pytestqt.qtbot import QtBot
 
+from fingerlab.acquisition.bench.bench import Bench
 from fingerlab.acquisition.ring import COLUMN
 from fingerlab.devices.choosing import detect
 from fingerlab.devices.ni.card import NiCard
@@ -74,6 +75,26 @@ def test_a_rehearsal_by_clicks_ends_confirmed_and_leads_to_the_bench(
     rig.click("checkDrive")
     qtbot.waitUntil(rig.tab.connected, timeout=PATIENCE)
     assert rig.button("initialise").isVisible()
+
+
+def test_stop_before_anybody_waits_for_an_answer_ends_the_check(
+    benches: Callable[..., Rig], qtbot: QtBot
+) -> None:
+    """The button is pressed as the question comes up, before the check has begun to wait for an answer."""
+    rig = benches(unpaced)
+    run = rig.tab.check_page.run
+
+    def at_once(step: str, question: str) -> None:
+        assert rig.controller.bench is not None
+        Bench.stop(rig.controller.bench)
+
+    run.asked.connect(at_once, Qt.ConnectionType.DirectConnection)  # in the check's own thread
+    rig.click("checkRig")
+    qtbot.waitUntil(lambda: run.under_way, timeout=PATIENCE)
+    qtbot.waitUntil(lambda: not run.under_way, timeout=PATIENCE)
+    assert findings(rig)["The bench was stopped"] == "failed"
+    rig.click("checkLeave")
+    rig.wait_idle()
 
 
 def test_stop_ends_a_check_at_a_question_and_nothing_is_driven(
