@@ -14,7 +14,10 @@ REFERENCE_LOAD_NM = 0.1
 LOAD_SHARE = "load_share"
 """Number of a shape: the share that was found to be lost."""
 MOST_SHARE = 0.5
+"""Of the torque; assumed: a dry worm gear, the worst that turns both ways."""
 HELD_TRAVELS_DEG = (0.6, 0.85, 1.2, 1.7)
+"""Travel over which teeth that are held slide at a load of REFERENCE_LOAD_NM, degrees at the pulley; assumed:
+the wind-up of a gearbox."""
 
 
 def columns(motion: Motion, shape: Shape) -> list[Term]:
@@ -24,16 +27,16 @@ def columns(motion: Motion, shape: Shape) -> list[Term]:
     slides over a travel in proportion to the load; or, not ``held``, by many that the load itself presses
     together, and has its share of the load of the moment.
 
-    The share is one of what the gears transmit. Of the motor's torque, which has the loss in it, that is less
-    winding in, s / (1 + s), and more paying out, s / (1 - s). On the grid s is small; between its points, and
-    where the load is known, it is what was found.
+    The share is one of what the gears transmit: of a known load, s. Of the motor's torque, which has the loss
+    in it, that is less winding in, s / (1 + s), and more paying out, s / (1 - s). On the grid s is taken for
+    small in these; between its points it is what was found.
     """
-    inertia = motion.motor.inertia or 0.0
-    if motion.load is None:
-        load, share = np.abs(motion.torque - inertia * motion.acceleration), shape.get(LOAD_SHARE, 0.0)
-        share = min(share, MOST_SHARE)
-    else:
-        load, share = np.abs(motion.load), 0.0
+    share = 0.0  # of the loss itself, in the torque at hand
+    load = motion.load
+    if load is None:
+        load = motion.torque - (motion.motor.inertia or 0.0) * motion.acceleration
+        share = min(shape.get(LOAD_SHARE, 0.0), MOST_SHARE)
+    load = np.abs(load)
     way, sharpness = float(np.radians(shape["travel_deg"])), shape.get("sharpness", 0.0)
     if not shape.get("held", 1.0):
         state = winding_state(motion, shape["travel_deg"], sharpness)

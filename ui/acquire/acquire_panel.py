@@ -255,7 +255,7 @@ class AcquirePanel(QWidget):
             "Slack: wind with little current until the joints move; the motor's reference is then there.",
             actions.take_up,
         )
-        self.motions = MotionsButton()
+        self.motions = MotionsButton(self.motion)
         self.gains = GainsButton()
         self.gains.asked.connect(actions.gains)
         self.contact = ActionButton(

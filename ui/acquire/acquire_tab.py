@@ -32,8 +32,6 @@ from fingerlab.acquisition.protocols.finding import find_contact, take_up_slack
 from fingerlab.acquisition.protocols.steps import countdown, prompt_of
 from fingerlab.acquisition.recording import what_was_saved
 from fingerlab.core.errors import UserError
-from fingerlab.core.files import read_text
-from fingerlab.core.plain_data import read_object
 from fingerlab.sessions.recording_files import recording_folder
 
 from ..app.context import ApplicationContext
@@ -62,7 +60,6 @@ from .check_page import CheckPage
 from .connect_page import ConnectPage
 from .force_trial_form import TrialTorques
 from .live_plots import LivePlots
-from .motion_form import keep_motion
 from .protocol_controller import ProtocolController, left_of_run
 from .recording_control import DetailsDialog, RecordingControl, SessionDetails
 
@@ -177,10 +174,8 @@ class AcquireTab(Tab):
         page.refused.connect(self.context.tell)
         self.panel.set_up_chosen.connect(self._on_set_up_chosen)
         self.panel.load_chosen.connect(self._on_load_chosen)
-        motions = self.panel.motions
-        motions.chosen.connect(self._set_kept)
-        motions.keep_asked.connect(self._keep_motion)
-        motions.forget_asked.connect(self._forget_motion)
+        self.panel.motions.done.connect(context.say)
+        self.panel.motions.refused.connect(context.tell)
         self.panel.history.changed.connect(context.commands_changed)
         self.protocol.torques_planned.connect(self._show_torques)
         self.protocol.trial_taken.connect(self._show_trial)
@@ -323,34 +318,6 @@ class AcquireTab(Tab):
         self.context.say(f"Gains of the position loop: {words}")
         if self.recording.recording and self.controller.status is not None:
             self.recording.mark(f"gains: {words}", self.controller.status.index)
-
-    def _set_kept(self, path: Path) -> None:
-        try:
-            self.panel.motion.show_settings(
-                read_object(read_text(path, "a kept motion"), str(path), "forget it")
-            )
-        except UserError as error:
-            self.context.tell(str(error))
-            return
-        self.context.say(f"Motion set: {path.stem}")
-
-    def _keep_motion(self, name: str) -> None:
-        if take_typed(self.panel.motion.fields):
-            return
-        try:
-            path = keep_motion(self.panel.motion.settings(), name)
-        except UserError as error:
-            self.context.tell(str(error))
-            return
-        self.context.say(f"Motion kept: {path}")
-
-    def _forget_motion(self, path: Path) -> None:
-        try:
-            path.unlink(missing_ok=True)
-        except OSError as error:
-            self.context.tell(f"{path} cannot be removed ({error.strerror}).")
-            return
-        self.context.say(f"Motion forgotten: {path.stem}")
 
     def _take_up(self) -> None:
         if self._wrong_angles():

@@ -94,10 +94,10 @@ class CheckRun(QObject):
 
         assert self._bench is not None
         self._answered.clear()
-        heard = self._bench.heard()
-        self.asked.emit(step, question)
         with told():  # whoever has pressed STOP is not waited for
-            self._bench.wait_until(self._answered.is_set, math.inf, "", heard)
+            self._bench.wait_until(
+                self._answered.is_set, math.inf, "", lambda: self.asked.emit(step, question)
+            )
         return self._answer
 
     # its end

@@ -40,9 +40,10 @@ from fingerlab.acquisition.control.trajectories import (
     read_trajectory,
 )
 from fingerlab.core.errors import UserError
-from fingerlab.core.files import own_data
+from fingerlab.core.files import own_data, read_text
+from fingerlab.core.plain_data import read_object
 
-from ..widgets.fields import NumberField, choice, form_menu, number
+from ..widgets.fields import NumberField, choice, form_menu, number, take_typed
 from ..widgets.layout import as_written, described
 
 LISTS = ("time_s", "angle_deg", "torque_n_m", "amplitude_n_m", "offset_n_m", "sha256")
@@ -114,14 +115,14 @@ def motions_folder() -> Path:
 
 
 class MotionsButton(QToolButton):
-    """Motions that were kept, by name. Signals: chosen(Path); keep_asked(name); forget_asked(Path)."""
+    """Motions that were kept, by name, for a form. Signals, a sentence each: done(str); refused(str)."""
 
-    chosen = Signal(object)
-    keep_asked = Signal(str)
-    forget_asked = Signal(object)
+    done = Signal(str)
+    refused = Signal(str)
 
-    def __init__(self, parent: QWidget | None = None) -> None:
+    def __init__(self, form: MotionForm, parent: QWidget | None = None) -> None:
         super().__init__(parent)
+        self._form = form
         described(self, "motions", accessible="Kept motions", tip="Motions that were kept, to be set again.")
         self.setText("Motions")
         self.setPopupMode(QToolButton.ToolButtonPopupMode.InstantPopup)
@@ -136,19 +137,41 @@ class MotionsButton(QToolButton):
         self._menu.clear()
         kept = sorted(motions_folder().glob("*.json"))
         for path in kept:
-            self._menu.addAction(_menu_words(path)).triggered.connect(partial(self.chosen.emit, path))
+            self._menu.addAction(_menu_words(path)).triggered.connect(partial(self._set, path))
         if kept:
             self._menu.addSeparator()
         self._menu.addAction("&Keep this motion…").triggered.connect(self._ask_name)
         if kept:
             forget = self._menu.addMenu("&Forget")
             for path in kept:
-                forget.addAction(_menu_words(path)).triggered.connect(partial(self.forget_asked.emit, path))
+                forget.addAction(_menu_words(path)).triggered.connect(partial(self._forget, path))
 
     def _ask_name(self) -> None:
         name, sure = QInputDialog.getText(self, "Keep this motion", "Name")
-        if sure and name.strip():
-            self.keep_asked.emit(name.strip())
+        if not (sure and name.strip()) or take_typed(self._form.fields):
+            return
+        try:
+            path = keep_motion(self._form.settings(), name.strip())
+        except UserError as error:
+            self.refused.emit(str(error))
+            return
+        self.done.emit(f"Motion kept: {path}")
+
+    def _set(self, path: Path) -> None:
+        try:
+            self._form.show_settings(read_object(read_text(path, "a kept motion"), str(path), "forget it"))
+        except UserError as error:
+            self.refused.emit(str(error))
+            return
+        self.done.emit(f"Motion set: {path.stem}")
+
+    def _forget(self, path: Path) -> None:
+        try:
+            path.unlink(missing_ok=True)
+        except OSError as error:
+            self.refused.emit(f"{path} cannot be removed ({error.strerror}).")
+            return
+        self.done.emit(f"Motion forgotten: {path.stem}")
 
 
 def _menu_words(path: Path) -> str:

@@ -130,8 +130,7 @@ class ProtocolRun(QObject):
     def _ask(self, bench: Bench, sentence: str) -> None:
         """Wait for the operator, but not for one who has pressed STOP."""
         self._answered.clear()
-        self.asked.emit(sentence)
-        bench.wait_until(self._answered.is_set, math.inf, "")
+        bench.wait_until(self._answered.is_set, math.inf, "", lambda: self.asked.emit(sentence))
 
     def _run_errands(self, bench: Bench | None) -> None:
         """Do what others asked for meanwhile; without a bench, forget it."""

@@ -204,28 +204,26 @@ class Bench(ABC):
         end = self.board[Slot.INDEX] + seconds * self.rate_hz
         self.wait_until(lambda: self.board[Slot.INDEX] >= end, math.inf, "")
 
-    def heard(self) -> tuple[float, float, float]:
-        """How many faults, errors of the recorder and requests to stop there were until now."""
-        return self.board[Slot.FAULTS], self.board[Slot.RECORDER_ERRORS], self.board[Slot.STOP_REQUESTS]
-
     def wait_until(
         self,
         condition: Callable[[], bool],
         seconds: float,
         what: str,
-        heard: tuple[float, float, float] | None = None,
+        begin: Callable[[], None] = lambda: None,
     ) -> None:
         """Wait for a condition, at most ``seconds`` of the bench's time.
 
         Args:
-            heard: as of :meth:`heard`, where the wait began before the call: who is asked something may press
-                STOP before anybody waits for an answer. None: it begins now.
+            begin: is called once STOP and faults are listened for: who is asked something by it may press
+                STOP at once.
 
         Raises:
             UserError: the bench stopped, the recorder failed, or ``what`` took too long.
         """
         end = self.board[Slot.INDEX] + seconds * self.rate_hz
-        faults, errors, stops = heard or self.heard()
+        faults, errors = self.board[Slot.FAULTS], self.board[Slot.RECORDER_ERRORS]
+        stops = self.board[Slot.STOP_REQUESTS]
+        begin()
         while not condition():
             if self.board[Slot.RECORDER_ERRORS] != errors:
                 raise UserError(self.board.text(Text.RECORDER))

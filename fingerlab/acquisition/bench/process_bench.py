@@ -10,8 +10,8 @@ import multiprocessing
 import signal
 import threading
 import time
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -166,11 +166,20 @@ class ProcessBench(Bench):
         """
         self.rate_hz, self.settings = rate_hz, settings
         self._number = 0
-        self._closed = False
-        heard_later = _HeardLater()  # what is half made could not be closed
-        self.ring = Ring.make(round(RING_S * rate_hz), len(COLUMNS))
+        self._closed = True  # there is nothing to close yet
+        try:
+            with _heard_later():  # what is half made could not be closed
+                self._make(device, rescue)
+                self._closed = False
+            self._wait_for_start()
+        except BaseException:
+            self.close()
+            raise
+
+    def _make(self, device: DeviceSource, rescue: Path) -> None:
+        self.ring = Ring.make(round(RING_S * self.rate_hz), len(COLUMNS))
         self.board = SharedStatus.make()
-        plan = Plan(device, settings, str(self.ring.name), str(self.board.name), rescue)
+        plan = Plan(device, self.settings, str(self.ring.name), str(self.board.name), rescue)
         context = multiprocessing.get_context("spawn")
         commands_in, self._commands = context.Pipe(duplex=False)
         requests_in, requests = context.Pipe()
@@ -187,17 +196,11 @@ class ProcessBench(Bench):
         before = _interrupts("SIG_BLOCK", {signal.SIGINT})  # who has just begun is ended in order, by close
         self.loop_process.start()
         self.recorder_process.start()
+        _interrupts("SIG_SETMASK", before)
         for end in (commands_in, requests_in, recorder_lives, recorder_holds, loop_lives, loop_holds):
             end.close()
         self._far = RemoteRecorder(self, requests)
         self.recorder = self._far
-        try:
-            _interrupts("SIG_SETMASK", before)
-            heard_later.now()
-            self._wait_for_start()
-        except BaseException:
-            self.close()
-            raise
 
     def ask(self, command: Command) -> None:
         self._number += 1
@@ -248,9 +251,8 @@ class ProcessBench(Bench):
     def close(self) -> None:
         if self._closed:
             return
-        heard_later = _HeardLater()  # half closed, its recorder would wait for a word, and the program for it
         self._closed = True
-        try:
+        with _heard_later():  # half closed, its recorder would wait for a word, and the program for it
             self.stop()
             with suppress(OSError):
                 self._commands.send((self._number + 1, Quit()))
@@ -260,8 +262,6 @@ class ProcessBench(Bench):
             self._commands.close()
             self.ring.close()
             self.board.close()
-        finally:
-            heard_later.now()
 
     def _wait_for_start(self) -> None:
         end = time.monotonic() + START_S
@@ -291,22 +291,23 @@ def _interrupts(how: str, which: Any) -> Any:
     return which
 
 
-class _HeardLater:
-    """From now on Ctrl-C and SIGTERM wait until ``now``, where this is the thread that is told of them."""
-
-    def __init__(self) -> None:
-        self._came: list[int] = []
-        self._before: dict[signal.Signals, Any] = {}
-        if threading.current_thread() is threading.main_thread():
-            for which in (signal.SIGINT, signal.SIGTERM):
-                self._before[which] = signal.signal(which, lambda number, _: self._came.append(number))
-
-    def now(self) -> None:
-        """Listen as before, and hear what has come meanwhile."""
-        for which, handler in self._before.items():
+@contextmanager
+def _heard_later() -> Iterator[None]:
+    """Ctrl-C and SIGTERM wait until the end, where this is the thread that is told of them."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    came: list[int] = []
+    before = {
+        which: signal.signal(which, lambda number, _: came.append(number))
+        for which in (signal.SIGINT, signal.SIGTERM)
+    }
+    try:
+        yield
+    finally:
+        for which, handler in before.items():
             signal.signal(which, signal.SIG_DFL if handler is None else handler)
-        self._before = {}
-        for number in self._came:
+        for number in came:
             signal.raise_signal(number)
 
 

@@ -232,21 +232,13 @@ def judge_all(
     candidates = screen(scorer, base, effects, watch, least)
     leaders: set[str] = set()
     misshapen = much_left(base)  # what the base's effects look like may come from what is still missing
-    likeliest, contested = scorer.deviance(base), False
-    settled: dict[str, FittedModel] = {}
     for _ in range(3):
         front = sorted((_at_its_best(scorer, c, misshapen) for c in candidates[:HELD_OUT_TRIALS]), key=_cost)
         candidates = front + candidates[HELD_OUT_TRIALS:]
         if not front or front[0].fit.cost >= base.fit.cost or _led(front, leaders):
             break
-        leader = _settled(scorer, front[:1], settled)
-        if misshapen and scorer.deviance(leader) >= likeliest:
-            contested, leader = True, _settled(scorer, front, settled)
-            if scorer.deviance(leader) >= likeliest:
-                break
-        leaders.add(leader.last_effect.id)
-        likeliest = scorer.deviance(leader) if contested else likeliest
-        weights = leader.weights
+        leaders.add(front[0].last_effect.id)
+        weights = scorer.fit_reweighted(front[0].choices, front[0]).weights
         base = scorer.fit(base.choices, base, FULL_ITERATIONS, weights)
         # Under the new weights another effect may come to the front.
         again = (
@@ -256,37 +248,9 @@ def judge_all(
         candidates = sorted(again, key=_cost)
     watch.tell(0.95, "scoring on held-out runs")
     base = scorer.with_sensitivity(scorer.score_held_out(base, residuals=True))
-    deviances = _own_deviances(scorer, candidates, settled) if contested else None
     scored = [scorer.score_held_out(c) for c in candidates[:HELD_OUT_TRIALS]]
     scored += [_as_held_out(base, scorer.score_in_sample(c)) for c in candidates[HELD_OUT_TRIALS:]]
-    return judge(base, scored, deviances)
-
-
-def _settled(scorer: Scorer, front: Sequence[FittedModel], known: dict[str, FittedModel]) -> FittedModel:
-    """The likeliest of these models, each under its own weights.
-
-    Under the weights of a model that lacks what is missing, an effect may lower the cost by far and still
-    make the recordings less likely than they are without it: what it leaves is as large as ever, and the
-    noise that it is seen through is smaller.
-
-    Args:
-        known: those that were settled before, by their last effect; the others are added.
-    """
-    for fitted in front:
-        if fitted.last_effect.id not in known:
-            known[fitted.last_effect.id] = scorer.fit_reweighted(fitted.choices, fitted)
-    return min((known[c.last_effect.id] for c in front), key=scorer.deviance)
-
-
-def _own_deviances(scorer: Scorer, candidates: Sequence[FittedModel], known: dict[str, FittedModel]) -> Array:
-    """Deviances of the models, each under its own weights, (candidates,).
-
-    Those far behind are not settled for it, and are taken for no likelier than the worst that was.
-    """
-    _settled(scorer, candidates[:FRONT], known)
-    found = [known.get(c.last_effect.id) for c in candidates]
-    worst = max(scorer.deviance(c) for c in known.values())
-    return np.array([worst if c is None else scorer.deviance(c) for c in found])
+    return judge(base, scored)
 
 
 def _as_held_out(base: FittedModel, fitted: FittedModel) -> FittedModel:
@@ -349,10 +313,3 @@ def rescore(scorer: Scorer, evidence: Evidence, weights: Weights) -> Evidence:
             scorer.score_held_out(new) if old.held_out else _as_held_out(base, scorer.score_in_sample(new))
         )
     return replace(evidence, base=base, candidates=tuple(scored))
-
-
-def judged_under(scorer: Scorer, evidence: Evidence, weights: Weights) -> Evidence:
-    """Every candidate of the evidence judged again under these weights, and by likelihood under its own."""
-    seen = rescore(scorer, evidence, weights)
-    candidates = sorted(seen.candidates, key=lambda one: one.misfit)
-    return judge(seen.base, candidates, _own_deviances(scorer, candidates, {}))

@@ -44,12 +44,6 @@ from fingerlab.physics.nominal import JointMotion
 from fingerlab.rig.file import Rig
 from fingerlab.sessions.model import Array, Run, whole_pieces
 
-RUN_WORDS = {
-    "on_air": "a run on air",
-    "contact": "a run in contact",
-    "motor_bench": "a run of the motor alone",
-}
-
 
 def segments_of(run: Run, rig: Rig) -> Iterator[Motion]:
     """The run's motion after its start-up ramp, in stretches of at most a minute without a gap.
@@ -62,7 +56,8 @@ def segments_of(run: Run, rig: Rig) -> Iterator[Motion]:
     for name in needed:
         if not run.has(name):
             raise UserError(
-                f"Run {run.name} has no channel '{name}'; {RUN_WORDS[run.phase]} needs {', '.join(needed)}."
+                f"Run {run.name} has no channel '{name}'; a diagnosis of the "
+                f"{'motor alone' if on_bench else 'finger'} needs {', '.join(needed)}."
             )
     rate = run.sample_rate_hz
     first = int(settling_s(run) * rate)
