@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fingerlab.core.errors import UserError
 from fingerlab.diagnosis.signals.scales import (
     SI,
     Scales,
@@ -133,6 +134,15 @@ def test_time_follows_the_motion_as_far_as_rate_and_length_allow(
 ) -> None:
     """100 samples and three reduced seconds are needed at least."""
     assert find_scales([_alone(frequency, rate, seconds=seconds)]).time == time
+
+
+@pytest.mark.parametrize(
+    ("phase", "whose"), [("free", "finger"), ("on_air", "finger"), ("motor_bench", "motor alone")]
+)
+def test_a_run_that_lacks_a_channel_says_what_a_diagnosis_needs(phase: str, whose: str) -> None:
+    run = Run.from_arrays({"motor_position": np.zeros(9)}, phase=phase, cable="none", sample_rate_hz=1e3)
+    with pytest.raises(UserError, match=f"Run 001 has no channel '.*'; a diagnosis of the {whose} needs"):
+        next(segments_of(run, Rig(None, Motor())))
 
 
 @pytest.mark.parametrize("rate", [100.0, 200.0, 333.0, 1000.0, 10000.0])

@@ -12,6 +12,7 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QFileDialog, QInputDialog, QLabel, QLineEdit
 from pytestqt.qtbot import QtBot
 
+from fingerlab.acquisition.bench.bench import Bench
 from fingerlab.acquisition.control.machine import Mode
 from fingerlab.acquisition.protocols.steps import Change, Record
 from fingerlab.sessions import open_session
@@ -59,6 +60,21 @@ def test_protocol_asks_for_the_cable_and_writes_the_file(rig: Rig, qtbot: QtBot)
     assert [run.length for run in runs] == [2000, 2000]
     assert rig.tab.panel.progress.isVisible()
     assert rig.tab.panel.progress.value() == 1000
+
+
+def test_stop_in_the_moment_of_a_prompt_ends_the_protocol(rig: Rig, qtbot: QtBot) -> None:
+    """STOP comes as the prompt does, before the protocol has begun to wait for its answer."""
+
+    def at_once(sentence: str) -> None:
+        assert rig.controller.bench is not None
+        Bench.stop(rig.controller.bench)
+
+    rig.tab.protocol.running.asked.connect(at_once, Qt.ConnectionType.DirectConnection)  # in its own thread
+    rig.click("byProtocol")
+    rig.choose("protocol", "own_on_air")
+    rig.click("runProtocol")
+    qtbot.waitUntil(lambda: not rig.recording.in_protocol, timeout=PATIENCE)
+    assert "stopped" in rig.label("message")
 
 
 def test_a_marker_while_a_protocol_records_and_a_countdown(rig: Rig, qtbot: QtBot) -> None:
