@@ -252,6 +252,11 @@ SIMPLER_FIRST = 2.0
 """What a gain costs of which the data tell nothing: the simpler effect comes first, both are in the set."""
 SETTLING_ITERATIONS = 4
 """With fewer, a fit only looks round, and friction at rest is taken as it was at the start."""
+HOLDING_ROUNDS = 6
+"""Times that a fit is taken up again, at most, because what its values leave of the runs holds these
+otherwise; on the bench as built two to five are enough."""
+HELD_SETTLED = 1e-3
+"""Share of the cost by which that may still change what is reached."""
 LEAST_GAIN = 1e-3
 """A step that lowers the cost by less than this is the last; the cost is twice a log probability."""
 LEAST_GAIN_SHARE = 1e-6

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from fingerlab.effects.base import Effect, Example, Formula, Row, Shape, Term, plus
+from fingerlab.effects.base import Effect, Example, Formula, Row, Shape, Term
 from fingerlab.effects.transmission import drive_terms, pull_terms
 from fingerlab.physics.motion import LEAST_PERIODS, Motion, strongest_orders
 from fingerlab.physics.parameter import Parameter
@@ -59,6 +59,16 @@ def orders_seen(motions: Sequence[Motion]) -> tuple[Shape, ...]:
     return tuple({"order": order} for order in sorted({*usual, *strongest_orders(motions)}))
 
 
+def orders_closer(shape: Shape) -> Sequence[Shape]:
+    """About the one found, and the grid once more.
+
+    The lines of a spectrum have no slope between them that leads from one to another, and what is lacking
+    beside a ripple on the grid may have hidden which line it is.
+    """
+    near = [shape["order"] + k / 2 for k in range(-6, 7)]
+    return [{"order": order} for order in sorted({*near, *map(float, RIPPLE_ORDERS)})]
+
+
 def _turning(motion: Motion, order: float) -> Any:
     """exp(i order position), complex (n,); from the order two below, which costs a tenth of a sine."""
     if order <= RIPPLE_ORDERS[0] or order % 2:
@@ -86,7 +96,7 @@ EFFECT = Effect(
     shapes=tuple({"order": float(n)} for n in RIPPLE_ORDERS),
     shape_units={"order": "1/turn"},
     shapes_seen=orders_seen,
-    closer=plus("order", tuple(k / 2 for k in range(-6, 7))),
+    closer=orders_closer,
     bench=True,
     formula=Formula(
         equation=r"\tau_m = \sum_{k=1}^{3} A_k\sin kn\theta_m + B_k\cos kn\theta_m",

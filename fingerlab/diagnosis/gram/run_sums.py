@@ -167,7 +167,7 @@ def run_sums(
             told = told_frequency(run)
             if told is not None:
                 stretch = told, float(low.time[0]), float(low.time[-1]), len(low.time)
-                result.cycles.append(Cycle(stretch, low.live + asked.start, cyclic[:, 1:]))
+                result.cycles.append(Cycle(stretch, low.live + asked.start, cyclic))
         result.encoder_variance = (motion.radius * motion.position_step) ** 2 / 12.0
         if keep is not None:
             keep(session, run, low)
