@@ -30,6 +30,7 @@ from fingerlab.diagnosis.settings import (
     FULL_ITERATIONS,
     HELD_OUT_TRIALS,
     HOPEFUL_SHARE,
+    LEAST_DIFFERENCE,
     MOST_WIDENED,
     SAME_COST_SHARE,
     SCREEN_ITERATIONS,
@@ -236,8 +237,11 @@ def judge_all(
         candidates = front + candidates[HELD_OUT_TRIALS:]
         if not front or front[0].fit.cost >= base.fit.cost or _led(front, leaders):
             break
-        leaders.add(front[0].last_effect.id)
-        weights = scorer.fit_reweighted(front[0].choices, front[0]).weights
+        leader = _leader(scorer, front)
+        if leader.last_effect.id in leaders:
+            break
+        leaders.add(leader.last_effect.id)
+        weights = leader.weights
         base = scorer.fit(base.choices, base, FULL_ITERATIONS, weights)
         # Under the new weights another effect may come to the front.
         again = (
@@ -270,6 +274,18 @@ def _at_its_best(scorer: Scorer, fitted: FittedModel, every: bool) -> FittedMode
     """The model with its last effect at the best grid point, or every effect."""
     climbed = off_its_bounds(scorer, climb_grid(scorer, fitted), FULL_ITERATIONS)
     return _readjusted(scorer, climbed) if every else climbed
+
+
+def _leader(scorer: Scorer, front: Sequence[FittedModel]) -> FittedModel:
+    """The best of the front under its own weights; of those that leave as little, the likeliest so.
+
+    Under the weights of a model that calls much of what it leaves noise (a tip that rubs) models leave the
+    same of which one, seen by itself, needs no such noise.
+    """
+    count = EFFECTIVE_SHARE * sum(g.equations * g.samples for g in scorer.reduced.groups)
+    alike = [one for one in front if one.fit.cost - front[0].fit.cost < LEAST_DIFFERENCE * count]
+    settled = [scorer.fit_reweighted(one.choices, one) for one in alike]
+    return min(settled, key=scorer.deviance)
 
 
 def _led(front: Sequence[FittedModel], leaders: Collection[str]) -> bool:
