@@ -1,11 +1,12 @@
-"""Files, lines, levels and arrows of the program by room, counted from its imports::
+"""Files, lines, levels and arrows of the program by room, counted from its source::
 
     python docs/structure.py                            # of this checkout
     python docs/structure.py --before REVISION --write  # beside an earlier one, into docs/architecture.md
 
 A room is a folder. An arrow is one file that imports another one, wherever in the file; what is imported
 for type checking alone counts too, so that a circle cannot hide there. A room has as many levels as the
-longest chain of its files in which each imports the next.
+longest chain of its files in which each imports the next. Code is what is left of the lines without those
+that are empty, comments, texts that explain, and imports.
 """
 
 from __future__ import annotations
@@ -37,14 +38,15 @@ class Room:
     name: str
     files: int
     lines: int
+    code: int
     levels: int
     inside: int
     out: int
 
 
 @cache
-def graph_of(root: Path = ROOT) -> tuple[Graph, dict[Module, int]]:
-    """Which module imports which, and the lines of each; ``root`` holds ``fingerlab/`` and ``ui/``."""
+def graph_of(root: Path = ROOT) -> tuple[Graph, dict[Module, tuple[int, int]]]:
+    """Which module imports which, and lines and code of each; ``root`` holds ``fingerlab/`` and ``ui/``."""
     paths = {
         path.relative_to(root).with_suffix("").parts: path
         for top in TOPS
@@ -60,7 +62,19 @@ def graph_of(root: Path = ROOT) -> tuple[Graph, dict[Module, int]]:
         )
         for name, text in texts.items()
     }
-    return graph, {name: text.count("\n") for name, text in texts.items()}
+    return graph, {name: (text.count("\n"), code_lines(text)) for name, text in texts.items()}
+
+
+def code_lines(text: str) -> int:
+    """Lines that are neither empty nor comments, nor belong to a text that explains or to an import."""
+    left = {
+        k for k, line in enumerate(text.splitlines(), 1) if line.strip() and not line.lstrip().startswith("#")
+    }
+    for node in ast.walk(ast.parse(text)):
+        explains = isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
+        if explains or isinstance(node, ast.Import | ast.ImportFrom):
+            left -= set(range(node.lineno, (node.end_lineno or node.lineno) + 1))
+    return len(left)
 
 
 def _module(parts: Module) -> Module:
@@ -140,7 +154,8 @@ def rooms(root: Path = ROOT) -> list[Room]:
         Room(
             name,
             len(own),
-            sum(lines[m] for m in own),
+            sum(lines[m][0] for m in own),
+            sum(lines[m][1] for m in own),
             levels(graph, own),
             sum(len(graph[m] & own) for m in own),
             sum(len(graph[m] - own) for m in own),
@@ -152,14 +167,18 @@ def rooms(root: Path = ROOT) -> list[Room]:
 def table(root: Path = ROOT) -> str:
     """The rooms as Markdown, with their sum and the circles."""
     found = rooms(root)
-    rows = [f"| {r.name}/ | {r.files} | {r.lines:,} | {r.levels} | {r.inside} | {r.out} |" for r in found]
-    total = f"| together | {sum(r.files for r in found)} | {sum(r.lines for r in found):,} | | | |"
+    rows = [
+        f"| {r.name}/ | {r.files} | {r.lines:,} | {r.code:,} | {r.levels} | {r.inside} | {r.out} |"
+        for r in found
+    ]
+    sums = (sum(r.files for r in found), sum(r.lines for r in found), sum(r.code for r in found))
+    total = "| together | {:,} | {:,} | {:,} | | | |".format(*sums)
     loops = circles(graph_of(root)[0])
     said = "No circle of imports." if not loops else f"Circles of imports: {len(loops)}."
     for loop in loops:
         said += f"\n`{'`, `'.join('.'.join(m) for m in loop)}`."
-    head = "| room | files | lines | levels | arrows inside | arrows out |\n|---|---:|---:|---:|---:|---:|"
-    return "\n".join([head, *rows, total]) + f"\n\n{said}"
+    head = "| room | files | lines | code | levels | arrows inside | arrows out |"
+    return "\n".join([head, f"|---|{'---:|' * 6}", *rows, total]) + f"\n\n{said}"
 
 
 def before(revision: str) -> str:

@@ -16,8 +16,7 @@ from fnmatch import fnmatch
 
 import numpy as np
 
-from fingerlab.batch.laws import Range, quantiles
-from fingerlab.batch.scatter import possible_errors
+from fingerlab.batch.laws import Estimate, possible_errors, quantiles
 from fingerlab.batch.settings import BETWEEN, BEYOND, SIZES
 from fingerlab.batch.strengths import (
     found_effects,
@@ -37,7 +36,7 @@ LEAST_EACH = 1
 
 
 @dataclass(frozen=True)
-class Group:
+class BenchSessions:
     """Sessions of one bench: the name it was given, and its rows in order of time."""
 
     name: str
@@ -76,7 +75,7 @@ class SharedEffect:
         return max(self.chances, key=lambda kind: self.chances[kind]) if self.chances else ""
 
 
-def group_of(rows: Sequence[Row], name: str) -> Group:
+def group_of(rows: Sequence[Row], name: str) -> BenchSessions:
     """The sessions of a folder below that of the batch, or whose names fit a pattern such as ``left-*``.
 
     Raises:
@@ -91,10 +90,10 @@ def group_of(rows: Sequence[Row], name: str) -> Group:
             f"No session with a verdict and a time is in {name!r}; give a folder below that of the batch, or "
             "a pattern of names such as 'left-*'."
         )
-    return Group(name, tuple(fitting))
+    return BenchSessions(name, tuple(fitting))
 
 
-def two_groups(rows: Sequence[Row], first: str, second: str) -> tuple[Group, Group]:
+def two_groups(rows: Sequence[Row], first: str, second: str) -> tuple[BenchSessions, BenchSessions]:
     """Both groups of a comparison.
 
     Raises:
@@ -113,7 +112,9 @@ def folders_of(rows: Sequence[Row]) -> list[str]:
     return sorted(names)
 
 
-def shared_effects(first: Group, second: Group, units: Mapping[str, str]) -> list[SharedEffect]:
+def shared_effects(
+    first: BenchSessions, second: BenchSessions, units: Mapping[str, str]
+) -> list[SharedEffect]:
     """Every effect that was found on either bench, those that both have first, then by its id."""
     count = len(first.rows)
     rows = with_strengths([*first.rows, *second.rows])
@@ -149,7 +150,9 @@ Side = tuple[Array, Array]
 """Values of a bench's sessions and their standard errors (NaN: unknown), (n,) each."""
 
 
-def weigh_two(first: Side, second: Side, size: float) -> tuple[dict[str, float], tuple[Range, Range, Range]]:
+def weigh_two(
+    first: Side, second: Side, size: float
+) -> tuple[dict[str, float], tuple[Estimate, Estimate, Estimate]]:
     """Log evidence of each of the five, and the strengths: first, second, second less first.
 
     The strengths are told as those of two benches that both have some.

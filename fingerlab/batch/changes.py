@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fingerlab.batch.laws import Course, Range, course
+from fingerlab.batch.laws import Course, Estimate, course
 from fingerlab.batch.settings import MOSTLY, TOLD
 from fingerlab.batch.strengths import (
     effect_of,
@@ -57,13 +57,13 @@ class NumberCourse:
     course: Course
     leans_on: tuple[str, ...] = ()
 
-    def estimate(self, told: Range) -> ParameterEstimate:
+    def estimate(self, told: Estimate) -> ParameterEstimate:
         """A level or a size of the course, with its unit."""
         return ParameterEstimate(told.value, self.unit, told.low, told.high)
 
 
 @dataclass(frozen=True)
-class Change:
+class BenchChange:
     """Something that changed between two sessions.
 
     Attributes:
@@ -178,7 +178,7 @@ def one_of_many(count: int) -> float:
 
 def changes(
     rows: Sequence[Row], units: Mapping[str, str], known: Sequence[NumberCourse] | None = None
-) -> list[Change]:
+) -> list[BenchChange]:
     """What changed between two sessions, surest first; what is as likely steady as not is left out.
 
     Args:
@@ -190,13 +190,13 @@ def changes(
     told = courses(rows, units) if known is None else known
     found = [_of_column(usable, one) for one in told if one.course.step >= TOLD]
     found += [c for effect in effects if (c := _of_effect(usable, days, effect, prior)) is not None]
-    moments: dict[str, list[Change]] = {}
+    moments: dict[str, list[BenchChange]] = {}
     for change in found:
         moments.setdefault(change.after, []).append(change)
     return sorted(map(_named, moments.values()), key=lambda one: -one.chance)
 
 
-def beside(known: Sequence[NumberCourse], found: Sequence[Change]) -> list[NumberCourse]:
+def beside(known: Sequence[NumberCourse], found: Sequence[BenchChange]) -> list[NumberCourse]:
     """Courses that are no part of a change at one moment, and lean on nothing that was found."""
     columns = {name for change in found for name in (change.column, *change.others)}
     effects = {change.effect for change in found if change.effect}
@@ -212,13 +212,13 @@ def beside(known: Sequence[NumberCourse], found: Sequence[Change]) -> list[Numbe
 ORDER = ("new", "gone", "grown", "shrunk", "moved")
 
 
-def _named(together: Sequence[Change]) -> Change:
+def _named(together: Sequence[BenchChange]) -> BenchChange:
     """What changed at one moment: the effect that came, went or grew; all else moved with it.
 
     A fit that lacks an effect leans on the others, so that their numbers step when it comes.
     """
 
-    def rank(one: Change) -> tuple[int, bool, float, float]:
+    def rank(one: BenchChange) -> tuple[int, bool, float, float]:
         before, n, after, m = one.found
         share = abs(after / max(m, 1) - before / max(n, 1))
         return ORDER.index(one.kind), bool(one.effect) and one.kind == "moved", -share, -one.chance
@@ -233,7 +233,7 @@ def _named(together: Sequence[Change]) -> Change:
     return replace(first, others=tuple(one.column for one in others if one.column))
 
 
-def _of_effect(rows: Sequence[Row], days: Array, effect: str, prior: float) -> Change | None:
+def _of_effect(rows: Sequence[Row], days: Array, effect: str, prior: float) -> BenchChange | None:
     found = [effect in model_of(row) for row in rows]
     weighed = weigh_found(days, found, prior)
     if weighed is None or weighed.step < TOLD:
@@ -242,11 +242,11 @@ def _of_effect(rows: Sequence[Row], days: Array, effect: str, prior: float) -> C
     counts = (sum(found[:k]), k, sum(found[k:]), len(found) - k)
     kind = "new" if counts[0] * counts[3] < counts[2] * counts[1] else "gone"
     names, when = ([str(row[key]) for row in rows] for key in ("session", "created"))
-    return Change(kind, effect, "", weighed.step, weighed.certain_place, names[k - 1], names[k], when[k],
+    return BenchChange(kind, effect, "", weighed.step, weighed.certain_place, names[k - 1], names[k], when[k],
                   found=counts)  # fmt: skip
 
 
-def _of_column(rows: Sequence[Row], one: NumberCourse) -> Change:
+def _of_column(rows: Sequence[Row], one: NumberCourse) -> BenchChange:
     k, effect = one.course.place, one.effect
     by_name = {str(row["session"]): row for row in rows}
     having = [effect in model_of(by_name[name]) for name in one.names]
@@ -257,5 +257,5 @@ def _of_column(rows: Sequence[Row], one: NumberCourse) -> Change:
     sides = counts[0] > MOSTLY * counts[1], counts[2] > MOSTLY * counts[3]
     kind = kinds.get(sides, "moved") if effect else "moved"
     certain = float(one.course.places[k])
-    return Change(kind, effect, one.column, one.course.step, certain, one.names[k - 1], one.names[k],
+    return BenchChange(kind, effect, one.column, one.course.step, certain, one.names[k - 1], one.names[k],
                   one.when[k], first, second, counts)  # fmt: skip

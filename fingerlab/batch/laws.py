@@ -16,15 +16,18 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fingerlab.batch.scatter import Errors, possible_errors
 from fingerlab.batch.settings import (
     BARELY,
     BEYOND,
     KINDS,
+    LEAST_SCATTER,
     LEAST_SESSIONS,
     LEVEL,
     PAUSE_H,
+    SCATTER,
+    SCATTERS,
     SETTLING_SHARES,
+    SHARED,
     SIZES,
     STEPS,
     TOLD,
@@ -33,6 +36,47 @@ from fingerlab.batch.settings import (
     WITHIN,
 )
 from fingerlab.sessions.model import Array
+
+
+@dataclass(frozen=True)
+class Errors:
+    """What the errors of the sessions may be: every scatter with every share of the intervals.
+
+    Attributes:
+        variances: of each session, (g, n). scatters: between sessions, (g,). common: variance of what all
+            sessions have in common, which moves their level, (g,). weights: logarithms of their
+            probabilities beforehand, (g,).
+    """
+
+    variances: Array
+    scatters: Array
+    common: Array
+    weights: Array
+
+
+def possible_errors(values: Array, errors: Array, size: float) -> Errors:
+    """The errors over which evidence is summed.
+
+    Args:
+        values, errors: of the sessions, (n,); 0 where an error is not known. size: a strength that would
+            matter.
+    """
+    own = float(np.median(errors[errors > 0])) if np.any(errors > 0) else 0.0
+    least = LEAST_SCATTER * (own or float(np.std(values)) or size)
+    most = max(10.0 * SCATTER * size, 3.0 * float(np.ptp(values)), 10.0 * least)
+    grid = np.geomspace(least, most, SCATTERS)
+    edges = np.concatenate(([0.0], np.sqrt(grid[1:] * grid[:-1]), [np.inf]))
+    below = 2.0 / math.pi * np.arctan(edges / (SCATTER * size))  # half-Cauchy
+    weights = np.log(np.maximum(np.diff(below), 1e-300))
+    shared = SHARED if own else {1.0: 1.0}
+    variances = np.concatenate([(f * errors) ** 2 + grid[:, None] ** 2 for f in shared])
+    return Errors(
+        variances,
+        np.tile(grid, len(shared)),
+        np.repeat([(1.0 - f**2) * own**2 for f in shared], len(grid)),
+        np.concatenate([weights + math.log(share) for share in shared.values()]),
+    )
+
 
 NEGLIGIBLE = 1e-5
 """Share of the likeliest part's weight below which a part counts nothing in an interval."""
@@ -58,7 +102,7 @@ class Prior:
 
 
 @dataclass(frozen=True)
-class Range:
+class Estimate:
     """A value with its 90 % interval, in the unit of the numbers."""
 
     value: float
@@ -83,10 +127,10 @@ class Course:
     chances: Mapping[str, float]
     places: Array
     odd: Array
-    first: Range
-    last: Range
-    size: Range
-    scatter: Range
+    first: Estimate
+    last: Estimate
+    size: Estimate
+    scatter: Estimate
     learned: float
 
     @property
@@ -139,7 +183,7 @@ def likeliest(chances: Mapping[str, float]) -> tuple[str, ...]:
 
 
 @dataclass(frozen=True)
-class _Law:
+class _CourseLaw:
     """Courses of one kind: ``shapes`` (m, n), each as likely or by ``weights`` (m,), with a level or none."""
 
     kind: str
@@ -154,7 +198,7 @@ class _Law:
 class _Parts:
     """A law's parts: log weights and the regression of each, (m, scatters, sizes)."""
 
-    law: _Law
+    law: _CourseLaw
     weight: Array
     mean: tuple[Array, Array] = field(default_factory=lambda: (np.zeros(0), np.zeros(0)))
     cover: tuple[Array, Array, Array] = field(default_factory=lambda: (np.zeros(0), np.zeros(0), np.zeros(0)))
@@ -203,7 +247,7 @@ MANY = 60
 """Sessions from which on only errors that some places of a step leave likely are gone through with all."""
 
 
-def _likely(laws: Sequence[_Law], values: Array, prior: Prior, size: float, errors: Errors) -> Errors:
+def _likely(laws: Sequence[_CourseLaw], values: Array, prior: Prior, size: float, errors: Errors) -> Errors:
     """The errors that count, looked for with every so many of a law's courses."""
     weight = np.full(len(errors.weights), -np.inf)
     for law in laws:
@@ -216,7 +260,7 @@ def _likely(laws: Sequence[_Law], values: Array, prior: Prior, size: float, erro
     return Errors(errors.variances[kept], errors.scatters[kept], errors.common[kept], errors.weights[kept])
 
 
-def _laws(days: Array, used: Array | None, n: int, prior: Prior) -> list[_Law]:
+def _laws(days: Array, used: Array | None, n: int, prior: Prior) -> list[_CourseLaw]:
     """All laws that these sessions can have, their shares together 1."""
     index = np.arange(n)
     steps = tuple(k for k in range(1, n) if days[k] > days[k - 1])
@@ -242,14 +286,14 @@ def _laws(days: Array, used: Array | None, n: int, prior: Prior) -> list[_Law]:
         places = steps if kind in STEPS else tuple(range(n)) if kind == "odd" else ()
         if kind == "odd" and prior.absent:
             share *= 0.5
-            laws.append(_Law(kind, share, shapes[kind], levelled=False, places=places))
+            laws.append(_CourseLaw(kind, share, shapes[kind], levelled=False, places=places))
         weights = likely / likely.sum() if kind in STEPS else None
-        laws.append(_Law(kind, share, shapes[kind], kind not in ("new", "gone"), places, weights))
+        laws.append(_CourseLaw(kind, share, shapes[kind], kind not in ("new", "gone"), places, weights))
     still = 0.5 * (1.0 - prior.change) if prior.absent else 1.0 - prior.change
     nothing = np.zeros((1, n))
-    laws.append(_Law("steady", still, nothing))
+    laws.append(_CourseLaw("steady", still, nothing))
     if prior.absent:
-        laws.append(_Law("steady", still, nothing, levelled=False))
+        laws.append(_CourseLaw("steady", still, nothing, levelled=False))
     return laws
 
 
@@ -279,7 +323,7 @@ def warming(days: Array) -> Array:
     return 1.0 - np.exp(-since * MINUTES_A_DAY / np.array(WARMING_MIN)[:, None])
 
 
-def _regressed(law: _Law, values: Array, prior: Prior, size: float, errors: Errors) -> _Parts:
+def _regressed(law: _CourseLaw, values: Array, prior: Prior, size: float, errors: Errors) -> _Parts:
     """Evidence, mean and covariance of level and change, for every course, scatter and size of the prior."""
     precise = 1.0 / errors.variances
     rest = values - prior.nominal if law.levelled else values
@@ -306,7 +350,7 @@ def _regressed(law: _Law, values: Array, prior: Prior, size: float, errors: Erro
     return _Parts(law, weight, mean, (d / det, -b / det, a / det))
 
 
-def _summed(law: _Law, weights: Array) -> Array:
+def _summed(law: _CourseLaw, weights: Array) -> Array:
     """Sums of weights (g, n) times each course, (m, g); of those that are 0 and 1 without a product."""
     places = list(law.places)
     if law.kind == "odd":
@@ -327,29 +371,29 @@ def _of_places(each: Sequence[tuple[_Parts, Array]], kinds: Sequence[str], n: in
     return found / whole if whole > 0 else found
 
 
-Ends = Callable[[_Law], tuple[float, Array]]
+Ends = Callable[[_CourseLaw], tuple[float, Array]]
 """What of the level and of each course, (m,), makes a number."""
 
 
-def _first(law: _Law) -> tuple[float, Array]:
+def _first(law: _CourseLaw) -> tuple[float, Array]:
     return float(law.levelled), law.shapes[:, 0] * (law.kind != "odd")
 
 
-def _last(law: _Law) -> tuple[float, Array]:
+def _last(law: _CourseLaw) -> tuple[float, Array]:
     return float(law.levelled), law.shapes[:, -1] * (law.kind != "odd")
 
 
-def _size(law: _Law) -> tuple[float, Array]:
+def _size(law: _CourseLaw) -> tuple[float, Array]:
     if law.kind == "warm_up":
         return 0.0, law.shapes.max(axis=1)
     return 0.0, law.shapes[:, -1] - law.shapes[:, 0]
 
 
-def _odd_size(law: _Law) -> tuple[float, Array]:
+def _odd_size(law: _CourseLaw) -> tuple[float, Array]:
     return 0.0, np.ones(len(law.shapes))
 
 
-def _mixture(each: Sequence[tuple[_Parts, Array]], ends: Ends, nominal: float, common: Array) -> Range:
+def _mixture(each: Sequence[tuple[_Parts, Array]], ends: Ends, nominal: float, common: Array) -> Estimate:
     """Median and 90 % interval of a number over all parts, whose distributions are normal."""
     means, spreads, weights = [], [], []
     for one, weight in each:
@@ -372,7 +416,7 @@ HALVINGS, NOTHING = 40, 1e-8
 """Steps to a quantile, and what of the largest number is not told from zero by them."""
 
 
-def quantiles(means: Array, spreads: Array, weights: Array) -> Range:
+def quantiles(means: Array, spreads: Array, weights: Array) -> Estimate:
     """Median and 90 % interval of a mixture of normal distributions, each argument (n,)."""
     from scipy.special import ndtr
 
@@ -388,11 +432,11 @@ def quantiles(means: Array, spreads: Array, weights: Array) -> Range:
     found = 0.5 * (low + high)
     scale = float(np.max(np.abs(means) + spreads))
     value, least, most = map(float, np.where(np.abs(found) < NOTHING * scale, 0.0, found))
-    return Range(value, least, most)
+    return Estimate(value, least, most)
 
 
-def _of_grid(grid: Array, weights: Array) -> Range:
+def _of_grid(grid: Array, weights: Array) -> Estimate:
     order = np.argsort(grid)
     below = np.cumsum(weights[order]) / weights.sum()
     at = [float(grid[order][min(int(np.searchsorted(below, p)), len(grid) - 1)]) for p in (0.5, 0.05, 0.95)]
-    return Range(*at)
+    return Estimate(*at)

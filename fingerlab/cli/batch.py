@@ -14,12 +14,13 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from fingerlab.batch.benches import Group, SharedEffect, shared_effects, two_groups
-from fingerlab.batch.changes import Change, NumberCourse, beside, changes, courses
+from fingerlab.batch.benches import BenchSessions, SharedEffect, shared_effects, two_groups
+from fingerlab.batch.changes import BenchChange, NumberCourse, beside, changes, courses
 from fingerlab.batch.run import BatchResult, locally, on_dask, run_batch
 from fingerlab.batch.settings import TOLD
 from fingerlab.batch.table import LEAST_TIMES, Contents, Options, Row, Trend, ageing_rows, recorded_at, trends
 from fingerlab.cli.common import (
+    NEW_FILE,
     PATH,
     added_option,
     counted,
@@ -31,7 +32,6 @@ from fingerlab.cli.common import (
     write_text_safely,
 )
 from fingerlab.core.errors import UserError
-from fingerlab.core.files import refuse_taken
 from fingerlab.core.plain_data import json_ready
 from fingerlab.core.text import fixed, largest_of, score_text, screen_unit
 from fingerlab.report.comparison_words import change_sentence, not_shown_sentence, outcome_words, trend_cells
@@ -68,10 +68,10 @@ TOLD_FAILURES = 5
     help="Two benches, and what they share: folders below FOLDER, or patterns of names such as 'left-*'.",
 )
 @click.option(
-    "--over-time", "time_table", metavar="C.csv", type=PATH, help="Table of what became of each number."
+    "--over-time", "time_table", metavar="C.csv", type=NEW_FILE, help="Table of what became of each number."
 )
 @click.option(
-    "--shared", "shared_table", metavar="S.csv", type=PATH, help="With --between: table of effects."
+    "--shared", "shared_table", metavar="S.csv", type=NEW_FILE, help="With --between: table of effects."
 )
 @json_option
 def batch(
@@ -100,9 +100,6 @@ def batch(
         raise UserError("--jobs is for this machine alone; leave it out with --dask.")
     if shared_table is not None and between is None:
         raise UserError("--shared is the table of what two benches share; name them with --between A B.")
-    for path in (time_table, shared_table):
-        if path is not None:
-            refuse_taken(path)
     options = _options(added)
     runner = locally(jobs) if address is None else on_dask(address, folder.resolve())
     bar, report = progress_bar("Batch")
@@ -129,7 +126,7 @@ class _Story:
     """What became of one bench; without a name it is that of the whole folder."""
 
     name: str
-    changes: list[Change]
+    changes: list[BenchChange]
     courses: list[NumberCourse]
 
 
@@ -137,7 +134,7 @@ class _Story:
 class _Two:
     """Two benches, each with its story, and the effects that any of them has."""
 
-    groups: tuple[Group, Group]
+    groups: tuple[BenchSessions, BenchSessions]
     first: _Story
     second: _Story
     effects: list[SharedEffect]

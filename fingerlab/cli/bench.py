@@ -13,6 +13,7 @@ from fingerlab.calibration import SENSORS, Calibration, SteadyStep, StepTiming, 
 from fingerlab.calibration.line import count_steps
 from fingerlab.calibration.offline import read_recording
 from fingerlab.cli.common import (
+    NEW_FILE,
     PATH,
     Interrupts,
     asked_device,
@@ -23,7 +24,6 @@ from fingerlab.cli.common import (
     write_json,
 )
 from fingerlab.core.errors import UserError
-from fingerlab.core.files import refuse_taken
 from fingerlab.devices import choosing
 from fingerlab.devices.choosing import detect
 from fingerlab.devices.protocol import FoundDevice
@@ -104,10 +104,8 @@ def _to_json(found: tuple[FoundDevice, ...], known: tuple[tuple[Path, str], ...]
     metavar="NAME",
     help="A card such as Dev1 or host:31763/Dev1; own:FILE.py; 'simulated' for practice; else it is asked.",
 )
-@click.option(
-    "--rig", "rig_file", type=click.Path(path_type=Path), help="Rig file; the default rig without it."
-)
-@click.option("--out", required=True, type=click.Path(path_type=Path), help="Protocol to write (JSON).")
+@click.option("--rig", "rig_file", type=PATH, help="Rig file; the default rig without it.")
+@click.option("--out", required=True, type=NEW_FILE, help="Protocol to write (JSON).")
 @click.option(
     "--yes", "all_yes", is_flag=True, help="Answer every question with yes: on the simulated rig alone."
 )
@@ -138,7 +136,6 @@ def check_rig(
     from fingerlab.devices.choosing import REPLAY, choose_device
     from fingerlab.rig.file import default_rig, load_rig
 
-    refuse_taken(out)
     given = _answers(answers)
     rig = load_rig(rig_file) if rig_file else default_rig()
     choice = choose_device(device or asked_device(rig, "to check"), rig, real_time=not all_yes)

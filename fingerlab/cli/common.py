@@ -32,11 +32,21 @@ TABLE_WIDTH = 128
 """Columns of a table that goes to a file or a pipe, where no terminal says how wide it is."""
 
 
+class NewFile(click.Path):
+    """A file to be written: that it could not be is found out before the work."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
+        path = Path(str(super().convert(value, param, ctx)))
+        if ctx is None or not ctx.resilient_parsing:
+            refuse_taken(path)
+        return path
+
+
+NEW_FILE = NewFile(path_type=Path)
+
+
 def _free_for_json(context: click.Context, parameter: click.Parameter, target: str | None) -> str | None:
-    """Find out before the work that the JSON could not be written."""
-    if target not in (None, "-") and not context.resilient_parsing:
-        refuse_taken(Path(str(target)))
-    return target
+    return target if target in (None, "-") else str(NEW_FILE.convert(target, parameter, context))
 
 
 json_option = click.option(
@@ -48,7 +58,24 @@ json_option = click.option(
 )
 """``json_target`` is None, ``-`` or a free path. With ``-`` nothing else may go to standard output."""
 
+session_argument = click.argument("session_file", metavar="S.h5", type=PATH)
 sessions_argument = click.argument("sessions", nargs=-1, required=True, type=PATH, metavar="S.h5 [S2.h5 ...]")
+
+
+def _folder_for_figures(
+    context: click.Context, parameter: click.Parameter, folder: Path | None
+) -> Path | None:
+    """Find out before the work that the figures could not be written."""
+    if folder is not None and not context.resilient_parsing and folder.exists() and not folder.is_dir():
+        raise UserError(f"{folder} is a file; give '--figures' a folder to write to.")
+    return folder
+
+
+def figures_option(what: str) -> Callable[[Any], Any]:
+    """``figures``: None, or the folder into which ``what`` is drawn."""
+    return click.option("--figures", metavar="DIR", type=PATH, callback=_folder_for_figures, help=what)
+
+
 added_option = click.option(
     "--add", "added", multiple=True, metavar="ID", help="Effect that the model holds already; repeatable."
 )
@@ -215,18 +242,6 @@ def write_text_safely(path: Path, text: str) -> None:
     """
     with new_file(path, "choose a folder with room and write access.") as part:
         part.write_text(text, encoding="utf-8")
-
-
-def refuse_taken_early(model: Path | None, figures: Path | None) -> None:
-    """Find out before the work that a result could not be written.
-
-    Raises:
-        UserError: a target exists or its folder does not.
-    """
-    if model is not None:
-        refuse_taken(model)
-    if figures is not None and figures.exists() and not figures.is_dir():
-        raise UserError(f"{figures} is a file; give '--figures' a folder to write to.")
 
 
 def write_results(

@@ -11,10 +11,11 @@ from rich.text import Text
 
 from fingerlab.cli.common import (
     PATH,
+    figures_option,
     json_option,
     progress_bar,
-    refuse_taken_early,
     result_table,
+    session_argument,
     table_console,
     tell_own_effects,
     write_json,
@@ -42,7 +43,7 @@ from fingerlab.signals.run_pairs import compare_sessions
 
 
 @click.command()
-@click.argument("session_file", metavar="S.h5", type=PATH)
+@session_argument
 @click.option(
     "--model",
     "model_files",
@@ -57,7 +58,7 @@ from fingerlab.signals.run_pairs import compare_sessions
     type=PATH,
     help="Compare the runs with those of another session instead, motion by motion, in phase.",
 )
-@click.option("--figures", metavar="DIR", type=PATH, help="Draw the errors into a folder.")
+@figures_option("Draw the errors into a folder.")
 @json_option
 def compare(
     session_file: Path,
@@ -78,7 +79,6 @@ def compare(
     if beside is not None:
         _compare_runs(session, open_session(beside), json_target)
         return
-    refuse_taken_early(None, figures)
     tell_own_effects()
     models = _load(model_files)
     bar, report = progress_bar("Comparing")

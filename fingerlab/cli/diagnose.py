@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING
 import click
 
 from fingerlab.cli.common import (
+    NEW_FILE,
     PATH,
     added_option,
+    figures_option,
     json_option,
     progress_bar,
-    refuse_taken_early,
     result_table,
     sessions_argument,
     table_console,
@@ -53,15 +54,10 @@ if TYPE_CHECKING:
     "--save",
     "model_file",
     metavar="M.json",
-    type=PATH,
+    type=NEW_FILE,
     help="Keep the model with the effects of --add; without --add, with those that the diagnosis adds.",
 )
-@click.option(
-    "--figures",
-    metavar="DIR",
-    type=PATH,
-    help="Draw the error path, where the model fails, and the effects' fingerprints into a folder.",
-)
+@figures_option("Draw the error path, where the model fails, and the effects' fingerprints into a folder.")
 @click.option(
     "--draft",
     is_flag=True,
@@ -101,7 +97,6 @@ def diagnose(
     laws: tuple[DraftLaw, ...] | None = None
     # Curves are kept by one process only, so that a second one would have nothing to do.
     with second_process(() if figures else sessions, "fingerlab.diagnosis.gram.reduction") as executor:
-        refuse_taken_early(model_file, figures)
         from fingerlab.diagnosis import diagnose as run
         from fingerlab.sessions import open_session
 
@@ -343,12 +338,7 @@ def _ranking(result: Diagnosis) -> Table:
     help="Page to write; a name that ends with .pdf makes it a PDF.",
 )
 @click.option("--pdf", metavar="R.pdf", type=PATH, help="The same as PDF, too.")
-@click.option(
-    "--figures",
-    metavar="DIR",
-    type=PATH,
-    help="Every figure of the report as PNG, SVG and PDF into a folder.",
-)
+@figures_option("Every figure of the report as PNG, SVG and PDF into a folder.")
 @click.option(
     "--equation",
     metavar="E.md",
@@ -419,4 +409,3 @@ def _check_places(
         from fingerlab.report.equation_text import check_ending
 
         check_ending(equation)
-    refuse_taken_early(None, figures)

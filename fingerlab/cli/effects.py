@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from fingerlab.cli.common import json_option, write_json
+from fingerlab.cli.common import PATH, json_option, somebody_there, write_json
 from fingerlab.core.errors import UserError
 from fingerlab.core.files import refuse_taken
 
@@ -25,17 +24,13 @@ SHOWN_LINES = 60
 
 
 @click.command(short_help="List the catalogue, and let in effects of your own.")
-@click.option("--folder", metavar="DIR", type=click.Path(path_type=Path), help="Look for own effects in DIR.")
-@click.option(
-    "--trust", metavar="FILE", type=click.Path(path_type=Path), help="Let this file of the folder be run."
-)
-@click.option(
-    "--untrust", metavar="FILE", type=click.Path(path_type=Path), help="Do not run this file any more."
-)
+@click.option("--folder", metavar="DIR", type=PATH, help="Look for own effects in DIR.")
+@click.option("--trust", metavar="FILE", type=PATH, help="Let this file of the folder be run.")
+@click.option("--untrust", metavar="FILE", type=PATH, help="Do not run this file any more.")
 @click.option(
     "--template",
     metavar="FILE",
-    type=click.Path(path_type=Path),
+    type=PATH,
     help="Write a new file of an own effect, to be edited.",
 )
 @click.option("--forget", is_flag=True, help="Forget the folder and every file that was confirmed.")
@@ -65,7 +60,7 @@ def effects(
     if folder is not None:
         chosen = own.set_folder(folder)
         click.echo(f"Own effects are looked for in {chosen}.", err=True)
-        if _somebody_there() and trust is None:
+        if somebody_there() and trust is None:
             for file in own.own_files(CATALOGUE):
                 if file.state != "trusted":
                     _ask_and_trust(file.source)
@@ -87,10 +82,6 @@ def effects(
         _print(files)
 
 
-def _somebody_there() -> bool:
-    return sys.stdin is not None and sys.stdin.isatty() and sys.stderr.isatty()
-
-
 def _ask_and_trust(source: OwnSource) -> None:
     """Ask on a terminal, once; elsewhere the option itself, with the file's name, is the answer.
 
@@ -99,7 +90,7 @@ def _ask_and_trust(source: OwnSource) -> None:
     """
     from fingerlab.effects import CATALOGUE, own
 
-    if _somebody_there():
+    if somebody_there():
         lines = source.content.decode("utf-8", errors="replace").splitlines()
         click.echo("\n".join(lines[:SHOWN_LINES]), err=True)
         if len(lines) > SHOWN_LINES:

@@ -8,11 +8,12 @@ from typing import Any, get_args
 import click
 
 from fingerlab.cli.common import (
-    PATH,
+    NEW_FILE,
+    figures_option,
     json_option,
     progress_bar,
-    refuse_taken_early,
     result_table,
+    session_argument,
     table_console,
     write_results,
 )
@@ -39,7 +40,7 @@ CLI_DELAYS = ("none", "xcorr", "findsignal")
 
 
 @click.command()
-@click.argument("session_file", metavar="S.h5", type=PATH)
+@session_argument
 @click.option(
     "--method",
     type=click.Choice(get_args(Method)),
@@ -61,8 +62,10 @@ CLI_DELAYS = ("none", "xcorr", "findsignal")
     show_default=True,
     help="Per cent of the joint's speed range that parts motion from standstill.",
 )
-@click.option("--model", "model_file", metavar="M.json", type=PATH, help="Keep the result as a model file.")
-@click.option("--figures", metavar="DIR", type=PATH, help="Draw the thesis' figures into a folder.")
+@click.option(
+    "--model", "model_file", metavar="M.json", type=NEW_FILE, help="Keep the result as a model file."
+)
+@figures_option("Draw the thesis' figures into a folder.")
 @json_option
 def fit(
     session_file: Path,
@@ -80,7 +83,6 @@ def fit(
     motor-bench runs and no finger is fitted with J, gain and offset of the motor-bench equation.
     """
     session = open_session(session_file)
-    refuse_taken_early(model_file, figures)
     if motor_bench_runs(session) and not any(run.phase == "on_air" for run in session.runs):
         _fit_motor_bench(session, model_file, figures, json_target)
         return

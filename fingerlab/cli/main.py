@@ -36,7 +36,7 @@ COMMANDS = {
     "fit": ("fingerlab.cli.fit:fit", "Fit moment arms and friction losses."),
     "predict": ("fingerlab.cli.predict:predict", "Predict the endpoint force of contact runs."),
     "inverse": ("fingerlab.cli.predict:inverse", "Give the motor torque that a wanted force needs."),
-    "trial": ("fingerlab.cli.trial:trial", "Tell by how much a found model lowered the force error."),
+    "trial": ("fingerlab.cli.predict:trial", "Tell by how much a found model lowered the force error."),
     "diagnose": ("fingerlab.cli.diagnose:diagnose", "Tell which physical effect the model is missing."),
     "compare": ("fingerlab.cli.compare:compare", "Compare saved models on the same held-out runs."),
     "batch": ("fingerlab.cli.batch:batch", "Diagnose every session below a folder."),
@@ -96,9 +96,7 @@ PATH = click.Path(exists=True, dir_okay=False, path_type=Path)
 OPEN = click.Command(
     "open",
     callback=_open,
-    params=[
-        click.Argument(["files"], nargs=-1, type=click.Path(exists=True, dir_okay=False, path_type=Path))
-    ],
+    params=[click.Argument(["files"], nargs=-1, type=PATH)],
     help="Open session files in the window.",
 )
 """What happens where a file stands in place of a command."""

@@ -1,4 +1,4 @@
-"""``predict`` and ``inverse``: the endpoint force of a torque, and the torque that a wanted force needs.
+"""``predict``, ``inverse``, ``trial``: the force of a torque, the torque of a force, and how it did.
 
 A model of ``fit`` predicts with the parameters of each region; one of ``diagnose --save`` with its effects
 and without, with an interval.
@@ -17,19 +17,20 @@ import click
 import numpy as np
 
 from fingerlab.cli.common import (
+    NEW_FILE,
     PATH,
     counted,
+    figures_option,
     json_option,
     progress_bar,
-    refuse_taken_early,
     result_table,
+    session_argument,
     table_console,
     write_json,
     write_results,
     write_text_safely,
 )
 from fingerlab.core.errors import UserError
-from fingerlab.core.files import refuse_taken
 from fingerlab.core.plain_data import json_ready
 from fingerlab.core.text import mean_and_deviation, number, r2_text
 from fingerlab.diagnosis.signals.scales import find_scales
@@ -50,6 +51,10 @@ from fingerlab.thesis.traces import JOINT_TITLES
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
+
+
+from fingerlab.prediction.trial import CAUSES, Trial, analyse_trial, trial_json
+from fingerlab.report.trial import result_sentences, trial_row
 
 NUMBERS = ("r2", "normalised_r2", "peak_measured", "peak_modelled", "share", "rmse")
 """Numbers of each run and their means over the runs, in the JSON."""
@@ -77,7 +82,7 @@ EFFECT_COLUMNS = (
 
 
 @click.command()
-@click.argument("session_file", metavar="S.h5", type=PATH)
+@session_argument
 @click.option(
     "--model",
     "model_file",
@@ -86,7 +91,7 @@ EFFECT_COLUMNS = (
     required=True,
     help="Model file written by 'fingerlab fit' or 'fingerlab diagnose --save'.",
 )
-@click.option("--figures", metavar="DIR", type=PATH, help="Draw measured and modelled force into a folder.")
+@figures_option("Draw measured and modelled force into a folder.")
 @json_option
 def predict(session_file: Path, model_file: Path, figures: Path | None, json_target: str | None) -> None:
     """Predict the endpoint force of a session's contact runs, and compare it with the load cell.
@@ -97,7 +102,6 @@ def predict(session_file: Path, model_file: Path, figures: Path | None, json_tar
     was fitted to is predicted by a fit without that run.
     """
     session = open_session(session_file)
-    refuse_taken_early(None, figures)
     model = load_model(model_file)
     if model.method == DIAGNOSIS_METHOD:
         _predict_with_effects(session, model, str(model_file), figures, json_target)
@@ -336,7 +340,7 @@ def interval_json(runs: Sequence[RunPrediction]) -> dict[str, Any]:
 
 
 @click.command()
-@click.argument("session_file", metavar="S.h5", type=PATH)
+@session_argument
 @click.option("--model", "model_file", metavar="M.json", type=PATH, required=True, help="As for 'predict'.")
 @click.option(
     "--wanted",
@@ -348,7 +352,7 @@ def interval_json(runs: Sequence[RunPrediction]) -> dict[str, Any]:
 @click.option("--run", "run_name", help="Contact run that says how the finger stands; the first by default.")
 @click.option("--pose", nargs=2, type=float, metavar="MCP PIP", help="Joint angles in degrees instead.")
 @click.option("--parameters", help="Which predictor of the model; the first by default ('--json' names all).")
-@click.option("--out", type=PATH, help="Trajectory to write, for 'record' and 'simulate'.")
+@click.option("--out", type=NEW_FILE, help="Trajectory to write, for 'record' and 'simulate'.")
 @json_option
 def inverse(
     session_file: Path,
@@ -365,8 +369,6 @@ def inverse(
     The finger presses as it does in a contact run of the session. What is written with --out runs with
     'fingerlab record --trajectory FILE', in the simulated rig, and in the Acquire tab.
     """
-    if out is not None:
-        refuse_taken(out)
     session = open_session(session_file)
     stands = _pose(session, run_name, pose)
     known = predictors(load_model(model_file), str(model_file), stands.cable)
@@ -417,3 +419,39 @@ def _print(plan: TorquePlan, name: str, out: Path | None) -> None:
         click.echo(sentence)
     if out is not None:
         click.echo(f"Written to {out}; take it with 'fingerlab record --trajectory {out}'.", err=True)
+
+
+@click.command()
+@session_argument
+@figures_option("Draw wanted and measured force into a folder.")
+@json_option
+def trial(session_file: Path, figures: Path | None, json_target: str | None) -> None:
+    """Tell by how much the force error fell in a feed-forward trial, with a 90 % interval.
+
+    Beside it stands what the found model had foretold, and what is left by cause: what differs from run to
+    run, what is constant, in proportion, late, or against the direction of the force.
+    """
+    found = analyse_trial(open_session(session_file))
+    if json_target != "-":
+        _print_trial(found, session_file.name)
+    drawn = None
+    if figures is not None:
+        from fingerlab.report.trial import trial_figures
+
+        drawn = (trial_figures(found), figures)
+    write_results(json_ready(trial_json(found)), json_target, None, drawn)
+
+
+def _print_trial(found: Trial, name: str) -> None:
+    console = table_console()
+    rows = [trial_row(one) for one in (found.nominal, found.found) if one is not None]
+    columns = ("model", ">runs", ">error, rms (mN)", ">foretold (mN)", ">largest (mN)", ">run to run (mN)")
+    table = result_table(*columns, title=f"{name}: force wanted and measured", padding=(0, 1, 0, 0))
+    causes = result_table("model", *(f">{cause}" for cause in CAUSES), title="The squared error by cause (%)")
+    for row in rows:
+        table.add_row(*row[: len(columns)])
+        causes.add_row(row[0], *row[len(columns) :])
+    console.print(table)
+    console.print(causes)
+    for sentence in result_sentences(found):
+        console.print(sentence, soft_wrap=True)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from fingerlab.cli.common import (
+    NEW_FILE,
     PATH,
     Within,
     asked_device,
@@ -23,7 +24,7 @@ from fingerlab.cli.common import (
 from fingerlab.cli.record_session import Events
 from fingerlab.cli.simulate import PROTOCOL_HELP, TRAJECTORY_HELP, ProtocolName, protocol_plans, single_plan
 from fingerlab.core.errors import UserError
-from fingerlab.core.files import read_text, refuse_taken
+from fingerlab.core.files import read_text
 
 if TYPE_CHECKING:
     from fingerlab.acquisition.bench.bench import Bench
@@ -67,7 +68,7 @@ FORCE = Within(min=0.05, max=50.0)
     metavar="NAME",
     help="simulated; a card such as Dev1 or host:31763/Dev1; own:FILE.py; else it is asked.",
 )
-@click.option("--rig", "rig_file", type=click.Path(path_type=Path), help="Rig file (TOML).")
+@click.option("--rig", "rig_file", type=PATH, help="Rig file (TOML).")
 @click.option("--title", help="Title of the session.")
 @click.option("--operator", help="Who records.")
 @click.option("--notes", help="Notes on the session.")
@@ -151,7 +152,7 @@ FORCE = Within(min=0.05, max=50.0)
 @click.option("--effect", "effects", multiple=True, metavar="ID[=STRENGTH]", help="Of the simulated bench.")
 @click.option("--hidden", is_flag=True, help="Hide an effect in the simulated bench until 'reveal'.")
 @click.option("--preset", default="practice", help="Of the simulated bench: practice, as-built, or a file.")
-@click.option("--out", required=True, type=click.Path(path_type=Path), help="Session file to write.")
+@click.option("--out", required=True, type=NEW_FILE, help="Session file to write.")
 @json_option
 def record(out: Path, json_target: str | None, **options: Any) -> None:
     """Record a session from a device.
@@ -162,7 +163,6 @@ def record(out: Path, json_target: str | None, **options: Any) -> None:
     from fingerlab.cli.record_session import Told, take
     from fingerlab.devices.choosing import REPLAY
 
-    refuse_taken(out)
     files = [
         Path(place).resolve() for place in (out, json_target, options["events"]) if place not in (None, "-")
     ]

@@ -14,18 +14,19 @@ import click
 from rich.table import Table
 
 from fingerlab.cli.common import (
+    NEW_FILE,
     PATH,
     Within,
     counted,
     json_option,
     progress_bar,
     result_table,
+    session_argument,
     somebody_there,
     table_console,
     write_json,
 )
 from fingerlab.core.errors import UserError
-from fingerlab.core.files import refuse_taken
 from fingerlab.core.plain_data import read_object
 from fingerlab.rig.file import CONSTANT_UNITS, Finger, Motor, Rig, default_rig, load_rig, sources_of
 from fingerlab.sessions import CheckReport, Session, check_session, open_session
@@ -38,7 +39,7 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@click.argument("session_file", metavar="S.h5", type=PATH)
+@session_argument
 @json_option
 def info(session_file: Path, json_target: str | None) -> None:
     """Show what is in a session, and check it against the format.
@@ -71,7 +72,7 @@ def info(session_file: Path, json_target: str | None) -> None:
     show_default=True,
     help="Which column is which channel: 'auto', an inline text, or a .json or .toml file (see above).",
 )
-@click.option("--out", "target", metavar="S.h5", type=PATH, help="Session to write.")
+@click.option("--out", "target", metavar="S.h5", type=NEW_FILE, help="Session to write.")
 @click.option(
     "--rig",
     "rig_file",
@@ -164,8 +165,6 @@ def import_text(
 
     if target is None and not dry_run:
         raise UserError("The option --out S.h5 is missing; it names the session to write.")
-    if target is not None:
-        refuse_taken(target)
     rig = load_rig(rig_file) if rig_file else default_rig()
     sources = _text_runs(files, phases, cables, trajectory)
     if axis:
@@ -195,7 +194,7 @@ def import_text(
 
 
 @click.command()
-@click.argument("session_file", metavar="S.h5", type=PATH)
+@session_argument
 @click.option(
     "--to",
     "kind",

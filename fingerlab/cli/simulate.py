@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import click
 from rich.table import Table
 
-from fingerlab.cli.common import PATH, counted, json_option, progress_bar, table_console, write_json
+from fingerlab.cli.common import NEW_FILE, PATH, counted, json_option, progress_bar, table_console, write_json
 from fingerlab.core.errors import UserError
-from fingerlab.core.files import read_text, refuse_taken
+from fingerlab.core.files import read_text
 from fingerlab.core.plain_data import read_object
 from fingerlab.core.progress import Watch
 from fingerlab.report.comparison_words import (
@@ -139,7 +139,7 @@ def read_proposal(text: str) -> dict[str, Any]:
 @click.option("--trajectory", metavar="FILE|JSON", help=TRAJECTORY_HELP)
 @click.option("--phase", help="Phase of that run: on_air, contact, motor_bench or free.")
 @click.option("--cable", type=click.Choice(["extension", "flexion", "none"]), help="Cable of that run.")
-@click.option("--out", required=True, type=PATH, help="Session file to write.")
+@click.option("--out", required=True, type=NEW_FILE, help="Session file to write.")
 @json_option
 def simulate(
     protocol: str | None,
@@ -167,7 +167,6 @@ def simulate(
     from fingerlab.twin.protocols import load_preset
     from fingerlab.twin.session import new_seed, write_session
 
-    refuse_taken(out)
     if (hidden or practice) and effects:
         flag = "--hidden" if hidden else "--practice"
         raise UserError(f"{flag} picks the effect itself; leave out --effect, or leave out {flag}.")

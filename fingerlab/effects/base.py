@@ -183,7 +183,7 @@ class Effect:
     """A physical effect that the nominal model leaves out.
 
     Attributes:
-        id: fixed name of ``effects.md``. title: in an operator's words.
+        id: fixed name, as commands and files have it. title: in an operator's words.
         acts_on: equation families changed: joint_torque, cable_kinematics, motor_torque, endpoint_force.
         gains: the linear unknowns, by name.
         columns: terms from signals and one point of ``shapes``.

@@ -1,6 +1,6 @@
 """The nominal equations, each defined once: joint torques, contact, cable, motor.
 
-Signs and symbols follow ``physics.md``: joint angles are flexion positive, cable tension T >= 0,
+Signs and symbols follow ``docs/theory.md``: joint angles are flexion positive, cable tension T >= 0,
 contact force F >= 0 on the load cell, cable sign s = +1 for flexion and -1 for extension, moment
 arms a, b > 0. Sources are the thesis' equations (3.16) to (3.18), with accelerations where the
 print shows single dots and centre-of-mass moments of inertia for I1 and I2.

@@ -36,7 +36,7 @@ from fingerlab.thesis.analysis import PUBLISHED, Published, PublishedQuantity, t
 from fingerlab.thesis.onair import Spread
 
 if TYPE_CHECKING:
-    from fingerlab.batch.changes import Change
+    from fingerlab.batch.changes import BenchChange
     from fingerlab.batch.table import Trend
 
 NOTABLE = 3.0
@@ -242,7 +242,7 @@ def reads_as(first: ParameterEstimate | None, second: ParameterEstimate | None, 
     return ", as after damage or with a new part"
 
 
-def change_sentence(change: Change) -> str:
+def change_sentence(change: BenchChange) -> str:
     """What changed, between which sessions, and how sure that is."""
     when = f"Between {change.before} and {change.after} ({change.when[:10]})"
     sure = f"Probability {percent(change.chance)}; of that moment, if so, {percent(change.certain_place)}."

@@ -22,7 +22,7 @@ ADDED_UP = "What the effects below give for one symbol is added up."
 
 
 @dataclass(frozen=True)
-class Part:
+class EquationPart:
     """Equations that belong together: LaTeX lines of which the first starts each equation."""
 
     title: str
@@ -43,7 +43,7 @@ class Value:
 class FinalEquation:
     """All of it. ``values`` are those that the fit found; the bench's own constants stand in the report."""
 
-    parts: tuple[Part, ...]
+    parts: tuple[EquationPart, ...]
     values: tuple[Value, ...]
 
 
@@ -126,7 +126,7 @@ def fitted_finger(finger: Finger, found: Mapping[str, ParameterEstimate]) -> Fin
 
 
 @dataclass(frozen=True)
-class Coefficients:
+class TorqueConstants:
     """Numbers of the joint torques (3.16), (3.17): kg m^2 for ``own_mcp`` to ``own_pip``, N m for weights."""
 
     own_mcp: float
@@ -137,11 +137,11 @@ class Coefficients:
     weight_pip: float
 
 
-def coefficients(finger: Finger) -> Coefficients:
+def torque_constants(finger: Finger) -> TorqueConstants:
     """The constants in front of the accelerations and cosines of (3.16) and (3.17)."""
     m1, m2 = finger.proximal_mass, finger.distal_mass
     l1, l2 = finger.proximal_half_length, finger.distal_half_length
-    return Coefficients(
+    return TorqueConstants(
         own_mcp=finger.proximal_inertia + m1 * l1**2 + 4.0 * m2 * l1**2 + m2 * l2**2,
         coupling=2.0 * m2 * l1 * l2,
         distal=m2 * l2**2,
@@ -151,11 +151,11 @@ def coefficients(finger: Finger) -> Coefficients:
     )
 
 
-def _torque_part(finger: Finger) -> Part:
-    k = coefficients(finger)
+def _torque_part(finger: Finger) -> EquationPart:
+    k = torque_constants(finger)
     c, d, alpha = number(k.coupling), number(k.distal), number(finger.wrist_angle)
     weight = rf"{number(k.weight_pip)}\,\cos(\theta_1 + \theta_2 - {alpha})"
-    return Part(
+    return EquationPart(
         "Joint torques that motion, weight and springs call for",
         (
             rf"\mathrm{{LHS}}_1 = ({number(k.own_mcp)} + {number(2 * k.coupling)}\,\cos\theta_2)"
@@ -171,7 +171,7 @@ def _torque_part(finger: Finger) -> Part:
     )
 
 
-def _tension_part(motor: Motor, found: Mapping[str, ParameterEstimate], with_effect: bool) -> Part:
+def _tension_part(motor: Motor, found: Mapping[str, ParameterEstimate], with_effect: bool) -> EquationPart:
     gain = 1.0 - _value(found, "torque_gain")
     inertia = (motor.inertia or 0.0) + _value(found, "rotor_inertia")
     assert motor.pulley_radius is not None
@@ -179,7 +179,7 @@ def _tension_part(motor: Motor, found: Mapping[str, ParameterEstimate], with_eff
     effect = r" - \tau_m" if with_effect else ""
     constant = motor.torque_constant * motor.gear_ratio if motor.torque_constant and motor.gear_ratio else 0.0
     current = rf",\qquad M = {number(constant)}\,i" if constant else ""
-    return Part(
+    return EquationPart(
         "Cable tension from the motor",
         (rf"T = \frac{{{number(gain)}\,M {rotor}{effect}}}{{{number(motor.pulley_radius)}}}{current}",),
         "M: torque at the gearbox output. i: motor current."
@@ -187,7 +187,7 @@ def _tension_part(motor: Motor, found: Mapping[str, ParameterEstimate], with_eff
     )
 
 
-def _balance_part(found: Mapping[str, ParameterEstimate], with_effect: bool) -> Part:
+def _balance_part(found: Mapping[str, ParameterEstimate], with_effect: bool) -> EquationPart:
     lines = []
     for cable in _routings(found):
         for joint, index in (("mcp", 1), ("pip", 2)):
@@ -202,10 +202,10 @@ def _balance_part(found: Mapping[str, ParameterEstimate], with_effect: bool) -> 
                 + rf"\qquad\mathrm{{({cable}\ cable)}}"
             )
     corrected = " The number before F corrects the load cell." if _value(found, "force_gain") else ""
-    return Part("Balance of each joint", tuple(lines), f"On air F and H are zero.{corrected}")
+    return EquationPart("Balance of each joint", tuple(lines), f"On air F and H are zero.{corrected}")
 
 
-def _contact_part(finger: Finger, found: Mapping[str, ParameterEstimate]) -> Iterator[Part]:
+def _contact_part(finger: Finger, found: Mapping[str, ParameterEstimate]) -> Iterator[EquationPart]:
     if "force_gain" not in found:
         return
     alpha = number(finger.wrist_angle)
@@ -236,10 +236,10 @@ def _contact_part(finger: Finger, found: Mapping[str, ParameterEstimate]) -> Ite
             " H: force along its face. u: travel of the tip from where it stands on average. f_H: "
             "friction of the tip by its travel, F at most. f_1 and on: friction by the swing of F."
         )
-    yield Part("Levers of the contact force", tuple(lines), note)
+    yield EquationPart("Levers of the contact force", tuple(lines), note)
 
 
-def _cable_part(motor: Motor, found: Mapping[str, ParameterEstimate], with_effect: bool) -> Part:
+def _cable_part(motor: Motor, found: Mapping[str, ParameterEstimate], with_effect: bool) -> EquationPart:
     lines = []
     for cable in _routings(found):
         arms = [SIGNS[cable] * _value(found, f"arm_{joint}@{cable}") for joint in ("mcp", "pip")]
@@ -255,10 +255,10 @@ def _cable_part(motor: Motor, found: Mapping[str, ParameterEstimate], with_effec
             + (" + x" if with_effect else "")
             + rf"\qquad\mathrm{{({cable}\ cable)}}"
         )
-    return Part("Cable wound on the pulley", tuple(lines))
+    return EquationPart("Cable wound on the pulley", tuple(lines))
 
 
-def _bench_part(found: Mapping[str, ParameterEstimate], with_effect: bool) -> Part:
+def _bench_part(found: Mapping[str, ParameterEstimate], with_effect: bool) -> EquationPart:
     terms = [
         rf"{signed(_value(found, key))}{factor}"
         for key, factor in (
@@ -270,16 +270,16 @@ def _bench_part(found: Mapping[str, ParameterEstimate], with_effect: bool) -> Pa
         if key in found
     ]
     line = rf"M = {' '.join(terms).removeprefix('+ ')}" + (r" + \tau_m" if with_effect else "")
-    return Part("Torque of the motor", (line,), "M: torque at the gearbox output. τ_l: known load.")
+    return EquationPart("Torque of the motor", (line,), "M: torque at the gearbox output. τ_l: known load.")
 
 
-def _effect_part(one: ChosenEffect) -> Part:
+def _effect_part(one: ChosenEffect) -> EquationPart:
     formula = one.effect.formula
     if formula is None:
-        return Part(one.effect.title, (), "An effect of your own; its terms stand in its own file.")
+        return EquationPart(one.effect.title, (), "An effect of your own; its terms stand in its own file.")
     text = formula.equation.replace(r"\begin{align*}", "").replace(r"\end{align*}", "")
     lines = tuple(line.replace("&", "").strip() for line in text.split(r"\\"))
-    return Part(one.effect.title, lines, re.sub(r"\[([^]]+)\]\([^)]+\)", r"\1", formula.symbols))
+    return EquationPart(one.effect.title, lines, re.sub(r"\[([^]]+)\]\([^)]+\)", r"\1", formula.symbols))
 
 
 _MODEL_SYMBOLS = {

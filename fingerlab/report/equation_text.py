@@ -10,7 +10,7 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from fingerlab.core.errors import UserError
-from fingerlab.report.equation import FinalEquation, Part, Value, number
+from fingerlab.report.equation import EquationPart, FinalEquation, Value, number
 from fingerlab.report.figure_style import DPI, MEASURED
 
 SI_NOTE = (
@@ -86,7 +86,7 @@ def value_latex(value: Value) -> str:
     return number(one.value) + (rf" \pm {number(half, 2)}" if half > 0 else "")
 
 
-def equation_figure(part: Part) -> Figure | None:
+def equation_figure(part: EquationPart) -> Figure | None:
     """A part's equations drawn with matplotlib's own LaTeX; None where it has none."""
     if not part.lines:
         return None
@@ -119,7 +119,7 @@ def equation_figures(equation: FinalEquation) -> Mapping[str, Figure]:
     return {title: figure for title, figure in drawn if figure is not None}
 
 
-def _aligned(part: Part, environment: str) -> str:
+def _aligned(part: EquationPart, environment: str) -> str:
     lines = [_with_mark(line) for line in part.lines]
     return "\n".join([rf"\begin{{{environment}}}", " \\\\\n".join(lines), rf"\end{{{environment}}}"])
 

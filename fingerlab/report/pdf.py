@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from pypdf import PdfReader, PdfWriter, Transformation
 
 from fingerlab.report.figure_style import NamedFigure
-from fingerlab.report.pdf_paper import FigurePlace, Paper, PlacedFigure, read_table, set_table
+from fingerlab.report.pdf_paper import FigurePlace, PdfPaper, PlacedFigure, read_table, set_table
 
 XHTML = "{http://www.w3.org/1999/xhtml}"
 SVG = "{http://www.w3.org/2000/svg}svg"
@@ -37,7 +37,7 @@ def pdf_of_page(text: str, figures: Mapping[str, NamedFigure], title: str) -> by
     root = ElementTree.fromstring(text.removeprefix("<!DOCTYPE html>"))
     body = root.find(f"{XHTML}body")
     assert body is not None
-    paper = Paper(title)
+    paper = PdfPaper(title)
     _Reader(paper, figures).blocks(body)
     return _with_figures(bytes(paper.output()), paper.placed, figures)
 
@@ -45,7 +45,7 @@ def pdf_of_page(text: str, figures: Mapping[str, NamedFigure], title: str) -> by
 class _Reader:
     """Sets a page's elements one after the other."""
 
-    def __init__(self, paper: Paper, figures: Mapping[str, NamedFigure]) -> None:
+    def __init__(self, paper: PdfPaper, figures: Mapping[str, NamedFigure]) -> None:
         self._paper, self._figures = paper, figures
         self._set: dict[str, Callable[[Element], None]] = {
             "p": self._paragraph,

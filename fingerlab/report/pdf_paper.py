@@ -57,7 +57,7 @@ class FigurePlace:
     share: float
 
 
-class Paper(FPDF):
+class PdfPaper(FPDF):
     """A document of A4 pages with the report's typeface; text in, from top to bottom."""
 
     def __init__(self, title: str) -> None:
@@ -265,7 +265,7 @@ def read_table(element: ElementTree.Element, words: Callable[[ElementTree.Elemen
     )
 
 
-def set_table(paper: Paper, table: PaperTable) -> None:
+def set_table(paper: PdfPaper, table: PaperTable) -> None:
     """Write a table where the text stands."""
     if not table.rows:
         return
@@ -280,7 +280,7 @@ def set_table(paper: Paper, table: PaperTable) -> None:
     paper.ln(2.5)
 
 
-def _pages(paper: Paper, table: PaperTable) -> list[list[list[str]]]:
+def _pages(paper: PdfPaper, table: PaperTable) -> list[list[list[str]]]:
     """The rows in one piece; in two where a page would else begin with one or two rows alone."""
     high = SIZES["small"] * MM_PER_POINT * LINE + 2 * ABOVE
     here = int(paper.room() // high) - bool(table.head)
@@ -290,7 +290,7 @@ def _pages(paper: Paper, table: PaperTable) -> list[list[list[str]]]:
     return [table.rows[:-FEWEST_ROWS], table.rows[-FEWEST_ROWS:]]
 
 
-def _set_rows(paper: Paper, table: PaperTable, rows: list[list[str]]) -> None:
+def _set_rows(paper: PdfPaper, table: PaperTable, rows: list[list[str]]) -> None:
     paper.set_font("text", "", SIZES["small"])
     paper.set_text_color(*TEXT)
     paper.set_draw_color(*LINES)
@@ -308,7 +308,7 @@ def _set_rows(paper: Paper, table: PaperTable, rows: list[list[str]]) -> None:
             grid.row(row)
 
 
-def _widths(paper: Paper, table: PaperTable) -> list[float]:
+def _widths(paper: PdfPaper, table: PaperTable) -> list[float]:
     """What each column would like; where that is too much, heads wrap, then words; numbers stay whole.
 
     A head takes more than two lines only where no column of sentences can give way before it.
@@ -331,7 +331,7 @@ def _widths(paper: Paper, table: PaperTable) -> list[float]:
     return [w / over for w in widths] if over > 1.0 + ROUNDING else widths
 
 
-def _needs(paper: Paper, table: PaperTable, column: int) -> list[float]:
+def _needs(paper: PdfPaper, table: PaperTable, column: int) -> list[float]:
     """Widths of a column: nothing wrapped, the head in two lines, in more, its words wrapped too, mm."""
     lines = [line for row in table.rows for line in row[column].split("\n")]
     body = max((paper.get_string_width(line) for line in lines), default=0.0)
@@ -348,7 +348,7 @@ def _needs(paper: Paper, table: PaperTable, column: int) -> list[float]:
     return [max(pair) + room for pair in pairs]
 
 
-def _in_two_lines(paper: Paper, title: str) -> float:
+def _in_two_lines(paper: PdfPaper, title: str) -> float:
     """Width from which a head takes no more than two lines, mm."""
     apart = title.split()
     if len(apart) < 2:

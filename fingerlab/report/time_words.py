@@ -15,9 +15,9 @@ from fingerlab.report.comparison_words import column_words, reads_as
 from fingerlab.report.diagnosis_words import effect_title, in_sentence, listed
 
 if TYPE_CHECKING:
-    from fingerlab.batch.benches import Group, SharedEffect, StrengthOnTwo
+    from fingerlab.batch.benches import BenchSessions, SharedEffect, StrengthOnTwo
     from fingerlab.batch.changes import NumberCourse
-    from fingerlab.batch.laws import Range
+    from fingerlab.batch.laws import Estimate
 
 KIND_WORDS: Mapping[str, str] = {
     "steady": "steady",
@@ -129,30 +129,11 @@ def _size(one: NumberCourse) -> str:
     return estimate_text(one.estimate(one.course.size))
 
 
-COURSE_HEADINGS = ("Quantity", "Course", "Probability", "When", "Before", "After", "Change")
-
-
-def course_cells(one: NumberCourse) -> tuple[str, ...]:
-    """The cells under ``COURSE_HEADINGS``."""
-    course, told = one.course, one.course.told
-    when = "–"
-    if course.moment:
-        when = f"{one.names[course.place]} ({percent(float(course.places[course.place]))})"
-    elif told == "odd":
-        when = one.names[int(np.argmax(course.odd))]
-    if told == "open":
-        chance = f"{KIND_WORDS[course.kind]} {percent(course.certain)}"
-        return column_words(one.column), KIND_WORDS[told], chance, when, "–", "–", "–"
-    ends = [estimate_text(one.estimate(level)) for level in (course.first, course.last)]
-    size = "–" if told == "steady" else _size(one)
-    return column_words(one.column), KIND_WORDS[told], percent(course.certain), when, *ends, size
-
-
 def course_json(one: NumberCourse) -> dict[str, Any]:
     """An entry of "over_time" of ``batch --json``; SI."""
     course = one.course
 
-    def plain(told: Range) -> dict[str, Any]:
+    def plain(told: Estimate) -> dict[str, Any]:
         return vars(one.estimate(told))
 
     def places(chances: Sequence[float]) -> list[dict[str, Any]]:
@@ -181,7 +162,7 @@ def course_json(one: NumberCourse) -> dict[str, Any]:
     return dict(json_ready(entry))
 
 
-def shared_sentence(one: SharedEffect, first: Group, second: Group) -> str:
+def shared_sentence(one: SharedEffect, first: BenchSessions, second: BenchSessions) -> str:
     """Whether two benches share an effect, and how sure that is."""
     title = effect_title(one.effect)
     a, n, b, m = one.found
@@ -226,7 +207,7 @@ def shared_cells(one: SharedEffect) -> list[tuple[str, ...]]:
     ]  # fmt: skip
 
 
-def shared_json(one: SharedEffect, first: Group, second: Group) -> dict[str, Any]:
+def shared_json(one: SharedEffect, first: BenchSessions, second: BenchSessions) -> dict[str, Any]:
     """An entry of "effects" in "between" of ``batch --json``; SI."""
     entry = {
         "effect": one.effect,

@@ -1,6 +1,6 @@
 """What the bench knows of itself: constants, tolerances, their sources, changes; and the TOML file of it.
 
-A session file carries the rig as JSON text (``session-format.md``); all values are SI.
+A session file carries the rig as JSON text (``docs/file-format.md``); all values are SI.
 
 A run tells of its change in the attribute ``intervention``: JSON text of the fields below that are not at
 their defaults, SI. The same motion before and after it is a pair: what they have in common cancels.
@@ -98,7 +98,7 @@ class Rig:
         return read_limits(self.extra.get("limits", {}), "The rig, [limits]")
 
     def to_json(self) -> str:
-        """The JSON text of ``session-format.md``, unknown keys included."""
+        """The JSON text of ``docs/file-format.md``, unknown keys included."""
         data: dict[str, Any] = dict(self.extra)
         if self.finger is not None:
             data["finger"] = asdict(self.finger)

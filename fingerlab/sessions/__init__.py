@@ -1,4 +1,4 @@
-"""Session files: read, write, check, copy, import, export. Format: ``session-format.md``, version 1.
+"""Session files: read, write, check, copy, import, export. Format: ``docs/file-format.md``, version 1.
 
 What is here is imported at its first use: the model of a session is needed everywhere, HDF5 only with a file.
 """

@@ -156,7 +156,7 @@ class Run:
 
     @property
     def cable_sign(self) -> int:
-        """s of ``physics.md``: +1 for a flexion cable, -1 for an extension cable, 0 without one."""
+        """s of ``docs/theory.md``: +1 for a flexion cable, -1 for an extension cable, 0 without one."""
         return {"flexion": 1, "extension": -1}.get(self.cable, 0)
 
     @property

@@ -1,7 +1,7 @@
 """Tables of numbers in foreign files: text, with its separator and header found out, and MAT files.
 
 The bench's earlier program wrote tabs, sometimes a header row, sometimes decimal commas
-(``session-format.md``); other programs write semicolons, commas or spaces.
+(``docs/file-format.md``); other programs write semicolons, commas or spaces.
 
 Version 5 (what MATLAB's ``save`` writes) is read by SciPy, version 7.3 is HDF5. Objects of MATLAB's own
 classes (``timeseries``, ``timetable``) are not stored as numbers that other programs can read.

@@ -1,6 +1,6 @@
 """Chapters 4 and 5 of the thesis on a session: every number of the published table, in one call.
 
-Source of the published numbers: thesis chapters 4 and 5, as collected in the table of ``physics.md``. Where
+Source of the published numbers: thesis chapters 4 and 5, as ``docs/replicate.md`` prints them. Where
 the print gives no deviation none is made up.
 """
 

@@ -1,7 +1,7 @@
 """The plant of one run as the compiled code reads it, and what an effect may change in it.
 
 Records (numpy structured scalars) keep the names readable in compiled code without an argument list
-of ninety numbers. Joints are numbered 1 (MCP) and 2 (PIP) as in ``physics.md``.
+of ninety numbers. Joints are numbered 1 (MCP) and 2 (PIP) as in ``docs/theory.md``.
 
 Strengths are chosen so that an effect matters on a bench whose joints carry some 0.04 N m, whose cable
 carries some 5 N and whose motor sees some 0.07 N m. Ranges are what such an effect could plausibly
@@ -237,7 +237,7 @@ class PlantEffect:
     """An effect as a change of the plant, which the first lines of its file say in words.
 
     Attributes:
-        id: fixed name of ``effects.md``.
+        id: the effect's in ``fingerlab/effects``.
         parameters: the first is the strength; the others shape it.
         phases: phases of a session in which the effect acts.
         apply: changes the bench of one run in place, before the finger is hung and the load cell placed.

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.special import logsumexp
 
-from fingerlab.batch import laws, scatter
+from fingerlab.batch import laws
 from fingerlab.batch.laws import Course, Prior, course, quantiles
 from fingerlab.sessions.model import Array
 
@@ -29,8 +29,8 @@ def noise(seed: int, count: int = 8) -> Array:
 def test_the_evidence_is_that_of_a_numerical_integration(monkeypatch: pytest.MonkeyPatch) -> None:
     """One scatter and one size: level and change are integrated on a grid, law by law, as they are meant."""
     monkeypatch.setattr(laws, "SIZES", (1.0,))
-    monkeypatch.setattr(scatter, "SCATTERS", 1)
-    monkeypatch.setattr(scatter, "SHARED", {1.0: 1.0})
+    monkeypatch.setattr(laws, "SCATTERS", 1)
+    monkeypatch.setattr(laws, "SHARED", {1.0: 1.0})
     days, values, error = np.array([0.0, 1.0, 4.0, 5.0]), np.array([0.3, 0.4, 0.7, 0.65]), 0.2
     found = course(days, values, np.full(4, error), Prior(0.0, 1.0, False, 0.2))
     assert found is not None

@@ -90,7 +90,7 @@ def test_nine_intervals_in_ten_hold_the_truth():
 
 
 def test_the_data_sheet_of_the_load_cell():
-    """FC2231: 3.8 to 4.2 V over 44.5 N; physics.md says 10.6 to 11.7 N/V."""
+    """FC2231: 3.8 to 4.2 V over 44.5 N, which makes 10.6 to 11.7 N/V."""
     assert pytest.approx(10.6, abs=0.01) == LOAD_CELL.gain.low
     assert pytest.approx(11.7, abs=0.02) == LOAD_CELL.gain.high
 

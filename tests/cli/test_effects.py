@@ -73,7 +73,7 @@ def test_an_own_file_goes_from_waiting_to_the_list(folder: Path) -> None:
 def test_on_a_terminal_the_file_is_shown_and_asked_for(
     folder: Path, monkeypatch: pytest.MonkeyPatch, answer: str, state: str
 ) -> None:
-    monkeypatch.setattr("fingerlab.cli.effects._somebody_there", lambda: True)
+    monkeypatch.setattr("fingerlab.cli.effects.somebody_there", lambda: True)
     asked = call("effects", "--folder", folder, answer=answer)
     assert asked.exit_code == 0, asked.output
     assert "np.sqrt(np.abs(motion.velocity))" in asked.stderr

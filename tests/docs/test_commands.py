@@ -108,7 +108,7 @@ def test_every_command_of_the_page_runs(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("FINGERLAB_SETTINGS_DIR", str(tmp_path / "settings"))
-    monkeypatch.setattr("fingerlab.cli.effects._somebody_there", lambda: True)
+    monkeypatch.setattr("fingerlab.cli.effects.somebody_there", lambda: True)
     for command in commands(page):
         if page == CHECKED and command.words[0] != "report":
             continue  # run at their real length in tests/notebook/test_story.py

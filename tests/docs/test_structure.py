@@ -25,7 +25,24 @@ def test_nothing_imports_in_a_circle(structure: ModuleType) -> None:
     graph, lines = structure.graph_of(ROOT)
     assert structure.circles(graph) == []
     assert ("fingerlab", "diagnosis", "diagnose") in graph[("fingerlab", "diagnosis")]
-    assert sum(lines.values()) == sum(room.lines for room in structure.rooms())
+    rooms = structure.rooms()
+    assert sum(every for every, _ in lines.values()) == sum(room.lines for room in rooms)
+    assert sum(code for _, code in lines.values()) == sum(room.code for room in rooms)
+
+
+def test_code_is_what_neither_explains_nor_imports(structure: ModuleType) -> None:
+    lines = [
+        '"""Two',
+        'lines."""',
+        "",
+        "import os",
+        "from a import (",
+        "    b,",
+        ")",
+        "# said",
+        "X = b  # one",
+    ]
+    assert structure.code_lines("\n".join([*lines, '"""What X is."""', "Y = (", "    os", ")"])) == 4
 
 
 def test_a_circle_is_seen(structure: ModuleType, tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from fingerlab.core.errors import UserError
 from fingerlab.report.figure_style import FORMATS, NamedFigure
 from fingerlab.report.page import Extras, write_report
 from fingerlab.report.pdf import pdf_of_page, pieces, words
-from fingerlab.report.pdf_paper import FigurePlace, Paper, PaperTable, set_table
+from fingerlab.report.pdf_paper import FigurePlace, PaperTable, PdfPaper, set_table
 from fingerlab.sessions import open_session
 
 
@@ -109,14 +109,14 @@ def test_a_figure_lies_where_it_was_given_room() -> None:
 
 def test_a_figure_shrinks_a_little_before_it_leaves_the_rest_of_a_page_empty() -> None:
     """A4 has 297 - 18 - 20 = 259 mm of height: below one of 130 mm and its gap there is room for 123."""
-    paper = Paper("title")
+    paper = PdfPaper("title")
     for key in ("first", "second"):
         paper.figures([FigurePlace(key, 130.0 / 174.0, "", 1.0)], 1)
     first, second = paper.placed
     assert (first.page, first.width) == (1, pytest.approx(174.0, rel=1e-4))
     assert second.page == 1
     assert second.width == pytest.approx(174.0 * 123.0 / 130.0, rel=1e-3)
-    paper = Paper("title")
+    paper = PdfPaper("title")
     for key in ("first", "too high to shrink so far"):
         paper.figures([FigurePlace(key, 170.0 / 174.0, "", 1.0)], 1)
     assert [(one.page, one.width) for one in paper.placed] == [
@@ -125,7 +125,7 @@ def test_a_figure_shrinks_a_little_before_it_leaves_the_rest_of_a_page_empty() -
 
 
 def test_heads_wrap_before_names_do_and_names_before_sentences() -> None:
-    paper = Paper("title")
+    paper = PdfPaper("title")
     head = ["Model", *(["Peak of what was modelled (N)"] * 6)]
     set_table(
         paper, PaperTable("", head, [["With the effects", *["1.234 ± 0.001"] * 6]], [False] + [True] * 6)
@@ -147,7 +147,7 @@ def test_an_index_stands_smaller_and_below_the_line() -> None:
     note = ElementTree.fromstring(
         '<p xmlns="http://www.w3.org/1999/xhtml">so <var>f<sub>H</sub></var>: friction</p>'
     )
-    paper = Paper("title")
+    paper = PdfPaper("title")
     paper.paragraph(words(note), pieces=pieces(note))
     paper.paragraph("next")
     sizes: dict[str, float] = {}
@@ -162,13 +162,13 @@ def test_no_page_begins_with_a_single_row_or_the_end_of_a_short_paragraph() -> N
     """A row of one line is 7.5 points times 1.42 and 1.2 mm high: 4.96 mm."""
     rows = [[f"row {k}", str(k)] for k in range(1, 11)]
     for left, last in ((10.5, 0), (9.5, 3), (8.5, 3), (6.5, 4)):
-        paper = Paper("title")
+        paper = PdfPaper("title")
         paper.set_y(paper.h - paper.b_margin - left * 4.96)
         set_table(paper, PaperTable("", [], rows, [False, True]))
         pages = [page.extract_text() for page in PdfReader(io.BytesIO(bytes(paper.output()))).pages]
         assert sum(page.count("row ") for page in pages) == 10
         assert [page.count("row ") for page in pages[1:]] == [last] * (last > 0), left
-    paper = Paper("title")
+    paper = PdfPaper("title")
     paper.set_y(paper.h - paper.b_margin - 6.0)
     paper.paragraph("These words are so many that they need two lines and more of a page. " * 2)
     pages = PdfReader(io.BytesIO(bytes(paper.output()))).pages

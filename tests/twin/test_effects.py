@@ -56,7 +56,7 @@ def change(effect: str, run: int, channel: str) -> float:
 def balance(effect: str | None) -> float:
     """Residual of the static and inertial balance of both joints against the true tension, N m rms.
 
-    Written out here from ``physics.md``, with the bench's own constants.
+    Written out here from the thesis (3.16, 3.17), with the bench's own constants.
     """
     from fingerlab.twin.bench import draw_truth
 

@@ -214,17 +214,17 @@ DIALOGS = (
     ),
     Surface(
         "Trajectory file",
-        (lambda s: s.tab("acquire").panel.motion._choose_file(),),
+        (lambda s: s.tab("acquire").panel.motion.file.click(),),
         ("acquire/motion_form.py:MotionForm._choose_file",),
     ),
     Surface(
         "Table of runs",
-        (lambda s: s.tab("acquire").panel.protocol._choose_table(),),
+        (lambda s: s.tab("acquire").panel.protocol.table.click(),),
         ("acquire/run_forms.py:ProtocolForm._choose_table",),
     ),
     Surface(
         "Keep this motion",
-        (lambda s: s.tab("acquire").panel.motions._ask_name(),),
+        (lambda s: _menu_entry(s.window, "Keep this motion").trigger(),),
         ("acquire/motion_form.py:MotionsButton._ask_name",),
     ),
     Surface("Own device", (_own_device,), ("acquire/connect_page.py:ConnectPage._browse_own",)),
@@ -235,12 +235,12 @@ DIALOGS = (
     ),
     Surface(
         "Replay a recording",
-        (lambda s: s.tab("acquire").connect_page._on_replay(),),
+        (lambda s: s.tab("acquire").connect_page.replay.click(),),
         ("acquire/connect_page.py:ConnectPage._on_replay",),
     ),
     Surface(
         "Rig file",
-        (lambda s: s.tab("acquire").connect_page._on_rig(),),
+        (lambda s: s.tab("acquire").connect_page.rig.click(),),
         ("acquire/connect_page.py:ConnectPage._on_rig",),
     ),
     Surface(
@@ -250,19 +250,19 @@ DIALOGS = (
     ),
     Surface(
         "Recording of a sensor",
-        (lambda s: s.tab("calibrate")._ask_for_files("load-cell"),),
+        (lambda s: s.tab("calibrate").start_page.file_asked.emit("load-cell"),),
         ("calibrate/calibrate_tab.py:CalibrateTab._ask_for_files",),
         "calibrate",
     ),
     Surface(
         "Session to calibrate anew",
-        (lambda s: s.tab("calibrate")._ask_for_session(),),
+        (lambda s: s.tab("calibrate").start_page.again_asked.emit(),),
         ("calibrate/calibrate_tab.py:CalibrateTab._ask_for_session",),
         "calibrate",
     ),
     Surface(
         "Session to calibrate anew > Copy as",
-        (lambda s: s.tab("calibrate")._ask_for_session(), _take_session),
+        (lambda s: s.tab("calibrate").start_page.again_asked.emit(), _take_session),
         (),
         "calibrate",
     ),
@@ -311,7 +311,7 @@ DIALOGS = (
     ),
     Surface(
         "Import text files > Rig file",
-        (_import, lambda s: _of(s.window, ImportDialog)._choose_rig()),
+        (_import, lambda s: _of(s.window, ImportDialog).rig.click()),
         ("sessions/import_dialog.py:ImportDialog._choose_rig",),
         "sessions",
     ),

@@ -65,7 +65,7 @@ class PlotMenu(QObject):
 
     def open(self, plot: QWidget, place: QPoint) -> None:
         """The plot's menu at a place on the screen."""
-        from ..widgets.plot_export import series_of
+        from ..widgets.plot_figure import series_of
 
         menu = self.menu = QMenu(self._window)
         menu.setObjectName("plotMenu")
@@ -107,14 +107,14 @@ class PlotMenu(QObject):
 
     def copy_picture(self, plot: QWidget) -> None:
         """The picture to the clipboard."""
-        from ..widgets.plot_export import picture_of
+        from ..widgets.plot_figure import picture_of
 
         QGuiApplication.clipboard().setImage(picture_of(plot))
         self._context.say(f"Copied as a picture: {_words(plot)}")
 
     def copy_numbers(self, plot: QWidget) -> None:
         """The numbers to the clipboard, as CSV."""
-        from ..widgets.plot_export import series_of, to_csv
+        from ..widgets.plot_figure import series_of, to_csv
 
         QGuiApplication.clipboard().setText(to_csv(series_of(plot)))
         self._context.say(f"Copied as numbers: {_words(plot)}")
@@ -129,7 +129,7 @@ class PlotMenu(QObject):
 
     def save_as(self, plot: QWidget, paper: Paper) -> None:
         """Ask where, and write the plot on ``paper``."""
-        from ..widgets.plot_export import save_plot
+        from ..widgets.plot_figure import save_plot
 
         proposed = Path(self._context.settings.folder()) / f"{file_name(paper.title or _words(plot))}.png"
         name, chosen = QFileDialog.getSaveFileName(self._window, "Save the plot", str(proposed), FORMATS)

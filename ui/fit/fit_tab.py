@@ -18,8 +18,8 @@ from fingerlab.thesis.traces import Delay, FitSpec, Method
 from ..app.context import ApplicationContext
 from ..app.tab_registry import SEPARATOR, Command, Tab
 from ..app.worker import IsCancelled, Progress
-from ..widgets.layout import described, hbox, lay_out_invitation, vbox
-from ..widgets.tables import header_name, heading, remark
+from ..widgets.layout import described, hbox, vbox
+from ..widgets.tables import EmptyPage, header_name, heading, remark
 from .fit_view import FitResultView
 
 if TYPE_CHECKING:
@@ -144,12 +144,12 @@ class FitTab(Tab):
         self.view = FitResultView()
         self.view.panes.remember(context.settings)
         self.header = self.name = header_name("fitSession", "Session that is fitted")
-        self.empty = QWidget()
+        self.empty = EmptyPage("fitEmpty", context.open_asked)
         self.pages = QStackedWidget()
         self.pages.addWidget(self.empty)
         self.pages.addWidget(self.view)
         self.widget = QWidget()
-        self._build()
+        hbox(self.widget, (self.pages, 1), self.panel, margins=(8, 8, 8, 8))
         self.panel.analyse_asked.connect(self.analyse)
         self.panel.save_asked.connect(self.save)
         self.panel.run_chosen.connect(self.view.show_run)
@@ -166,15 +166,6 @@ class FitTab(Tab):
             Command("The &thesis' experiment again…", self.show_replicate),
         )
         self._refresh()
-
-    def _build(self) -> None:
-        self.empty_title, self.empty_text = heading(large=True), remark()
-        self.empty_title.setObjectName("fitEmpty")
-        self.empty_open = QPushButton("&Open a session…")
-        self.empty_open.setProperty("primary", "true")
-        self.empty_open.clicked.connect(self.context.open_asked)
-        lay_out_invitation(self.empty, self.empty_title, self.empty_text, self.empty_open)
-        hbox(self.widget, (self.pages, 1), self.panel, margins=(8, 8, 8, 8))
 
     def window_title(self) -> str:
         return self.sessions[0].path.name if self.sessions else ""
@@ -259,10 +250,8 @@ class FitTab(Tab):
         self.panel.analyse.setToolTip("Ctrl+Return" if opened else "No session is open.")
         self.panel.set_ready(found is not None, "There is no fit yet: analyse first.")
         if found is None:
-            not_yet = self._under_way or "Not analysed yet"
-            self.empty_title.setText(not_yet if opened else "No session open")
-            self.empty_text.setText(("" if self._under_way else NOT_YET) if opened else NO_SESSION)
-            self.empty_open.setVisible(not opened)
+            text = ("" if self._under_way else NOT_YET) if opened else NO_SESSION
+            self.empty.say(self._under_way or "Not analysed yet", text, opened)
             self.panel.show_runs((), "")
             self.pages.setCurrentWidget(self.empty)
         else:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from PySide6.QtCore import QEvent, QObject, Qt
-from PySide6.QtWidgets import QFileDialog, QPushButton, QStackedWidget, QWidget
+from PySide6.QtWidgets import QFileDialog, QStackedWidget, QWidget
 
 from fingerlab.core.errors import UserError
 from fingerlab.models.file import DIAGNOSIS_METHOD, Model, load_model
@@ -18,8 +18,8 @@ from ..app.tab_registry import Command, Tab
 from ..app.undo import UndoSteps
 from ..app.worker import IsCancelled, Progress
 from ..widgets.fields import ViewChoice
-from ..widgets.layout import FLUSH, Panes, described, hbox, lay_out_invitation, vbox
-from ..widgets.tables import ElidedLabel, header_name, heading, remark
+from ..widgets.layout import FLUSH, Panes, described, hbox, vbox
+from ..widgets.tables import ElidedLabel, EmptyPage, header_name
 from ..widgets.theme import small_font
 from .force_panel import PANEL_WIDTH, ForceTable, PredictPanel
 from .force_plots import ForcePlot, PeriodPlot, SweepPlot
@@ -66,7 +66,8 @@ class PredictTab(Tab):
         self.force, self.period, self.sweep = ForcePlot(), PeriodPlot(), SweepPlot()
         self.numbers = ForceTable()
         self.header = self.name = header_name("predictSession", "Session whose force is predicted")
-        self.widget, self.empty, self.pages = QWidget(), QWidget(), QStackedWidget()
+        self.widget, self.pages = QWidget(), QStackedWidget()
+        self.empty = EmptyPage("predictEmpty", context.open_asked)
         self.wanted = WantedView(context, self)
         self._build()
         self.widget.installEventFilter(self)
@@ -90,12 +91,6 @@ class PredictTab(Tab):
         self._refresh()
 
     def _build(self) -> None:
-        self.empty_title, self.empty_text = heading(large=True), remark()
-        self.empty_title.setObjectName("predictEmpty")
-        self.empty_open = QPushButton("&Open a session…")
-        self.empty_open.setProperty("primary", "true")
-        self.empty_open.clicked.connect(self.context.open_asked)
-        lay_out_invitation(self.empty, self.empty_title, self.empty_text, self.empty_open)
         middle = QWidget()
         hbox(middle, self.period, self.sweep, margins=FLUSH)
         upper, self.read = QWidget(), described(ElidedLabel(), "forceRead", font=small_font())
@@ -276,11 +271,10 @@ class PredictTab(Tab):
         if found is None:
             waits = bool(self.models)
             no_force = "No force predicted" if waits else "No model yet"
-            self.empty_title.setText((self._under_way or no_force) if opened else "No session open")
             text = WAITS.format(files=", ".join(self.models)) if waits else NO_MODEL
             text = text if opened or waits else NO_SESSION
-            self.empty_text.setText("" if opened and self._under_way else text)
-            self.empty_open.setVisible(not opened)
+            text = "" if opened and self._under_way else text
+            self.empty.say(self._under_way or no_force, text, opened)
             self.panel.show_models((), (), ())
             self.pages.setCurrentIndex(0)
         else:

@@ -10,10 +10,11 @@ import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import QPointF, Qt, Signal
 from PySide6.QtGui import QMouseEvent
-from PySide6.QtWidgets import QDialog, QDialogButtonBox, QTabWidget, QWidget
+from PySide6.QtWidgets import QComboBox, QDialog, QDialogButtonBox, QLabel, QTabWidget, QWidget
 
-from fingerlab.batch.changes import Change, NumberCourse, beside, changes, courses
-from fingerlab.batch.laws import Range
+from fingerlab.batch.benches import folders_of, shared_effects, two_groups
+from fingerlab.batch.changes import BenchChange, NumberCourse, beside, changes, courses
+from fingerlab.batch.laws import Estimate
 from fingerlab.batch.settings import LEAST_SESSIONS, STEPS, TOLD
 from fingerlab.batch.strengths import with_strengths
 from fingerlab.batch.table import (
@@ -28,17 +29,101 @@ from fingerlab.batch.table import (
     recorded_at,
     trends,
 )
+from fingerlab.core.errors import UserError
 from fingerlab.core.text import ScreenUnit, largest_of, percent, screen_unit, with_minus
 from fingerlab.report.comparison_words import change_sentence, column_words, trend_cells
-from fingerlab.report.time_words import KIND_WORDS, course_sentence
+from fingerlab.report.time_words import (
+    KIND_WORDS,
+    SHARED_HEADINGS,
+    course_sentence,
+    shared_cells,
+    shared_sentence,
+)
 from fingerlab.sessions.model import Array
 
-from ..widgets.layout import Spacer, described, vbox
+from ..widgets.layout import Spacer, described, hbox, vbox
 from ..widgets.plots import QuietPlot, plain_curve, span_of
 from ..widgets.series import Series
 from ..widgets.tables import NumberTable, WholeLabel, heading, remark
 from ..widgets.theme import colours_of, small_font, tint
-from .benches_page import BenchesPage
+
+MEANINGS = (
+    "Found in any session of either bench.",
+    "Which bench has it: both alike, both of another strength, or one.",
+    "Of that.",
+    "The number that tells how strong it is.",
+    "On the first bench, with its 90 % interval.",
+    "On the second bench, with its 90 % interval.",
+    "Zero inside the interval: no difference is seen.",
+)
+NAME_HELP = "A folder below this one, or a pattern of session names such as left-*; then Enter."
+
+
+def _name(name: str, words: str) -> QComboBox:
+    field = described(QComboBox(), name, accessible=words, tip=f"{words}. {NAME_HELP}")
+    field.setEditable(True)
+    field.setInsertPolicy(QComboBox.InsertPolicy.NoInsert)
+    field.setMinimumContentsLength(16)
+    return field
+
+
+class BenchesPage(QWidget):
+    """Two lists of names, a table with a row for each strength, and a sentence for each effect."""
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.first = _name("firstBench", "Sessions of the first bench")
+        self.second = _name("secondBench", "Sessions of the second bench")
+        for field in (self.first, self.second):
+            field.activated.connect(self.compare)
+            line = field.lineEdit()
+            assert line is not None
+            line.returnPressed.connect(self.compare)
+        columns = tuple(zip(SHARED_HEADINGS, MEANINGS, strict=True))
+        self.table = NumberTable("sharedTable", "Effects on two benches", columns, words=4)
+        self.words = described(WholeLabel(), "sharedWords", font=small_font())
+        self.hint = remark(
+            "Both alike, both of another strength, one alone and neither are weighed against one another by "
+            "their evidence. Ctrl+C copies the table."
+        )
+        self._contents: Contents | None = None
+        first, second = QLabel("&First"), QLabel("&Second")
+        first.setBuddy(self.first)
+        second.setBuddy(self.second)
+        chosen = hbox(None, first, self.first, second, self.second, Spacer(1), spacing=8)
+        vbox(self, chosen, self.words, (self.table, 1), self.hint, Spacer(), spacing=8)
+
+    def show_contents(self, contents: Contents) -> None:
+        """Offer the folders of a batch's table, and compare the first two."""
+        self._contents = contents
+        names = folders_of(contents.rows)
+        for field, at in ((self.first, 0), (self.second, 1)):
+            before = field.currentText()
+            field.clear()
+            field.addItems(names)
+            field.setCurrentText(before or (names[at] if at < len(names) else ""))
+        self.compare()
+
+    def compare(self) -> None:
+        """Compare the two that are named."""
+        names = self.first.currentText().strip(), self.second.currentText().strip()
+        cells: list[tuple[str, ...]] = []
+        if self._contents is None or not all(names):
+            said = "Name two benches: each a folder below this one, or a pattern of session names."
+        else:
+            try:
+                groups = two_groups(self._contents.rows, *names)
+                found = shared_effects(*groups, self._contents.units)
+                cells = [row for one in found for row in shared_cells(one)]
+                told = [shared_sentence(one, *groups) for one in found]
+                said = "\n".join(told) or "No effect was found in any session of either."
+            except UserError as error:
+                said = str(error)
+        self.words.setText(said)
+        self.table.show_rows(cells)
+        for part in (self.table, self.hint):
+            part.setVisible(bool(cells))
+
 
 WIDTH, HEIGHT = 980, 740
 NEAR = 12
@@ -149,7 +234,7 @@ class TrendPlot(QuietPlot):
             edge.setPen(pg.mkPen(None))
         self.getPlotItem().addItem(gap, ignoreBounds=True)
 
-    def _band(self, ends: Array, first: Range, last: Range, name: str) -> None:
+    def _band(self, ends: Array, first: Estimate, last: Estimate, name: str) -> None:
         """A level that may differ at its ends, with its interval."""
         factor = self._unit.factor
         value, low, high = (
@@ -160,7 +245,7 @@ class TrendPlot(QuietPlot):
         self.draw_band(ends, middle, half, tint(colours_of(self).modelled, 0.25), name)
         self.getPlotItem().addItem(plain_curve(ends, value, self.pen("modelled", 2.0), name))
 
-    def _ends(self, first: Range, last: Range) -> list[float]:
+    def _ends(self, first: Estimate, last: Estimate) -> list[float]:
         return [self._unit.factor * end for one in (first, last) for end in (one.low, one.high)]
 
     def shown_series(self) -> list[Series]:
@@ -205,7 +290,7 @@ class TrendDialog(QDialog):
         self.sentence = described(WholeLabel(), "courseWords", accessible="What became of this number")
         self._rows: list[Row] = []
         self._trends: list[Trend] = []
-        self._changes: dict[str, Change] = {}
+        self._changes: dict[str, BenchChange] = {}
         self._courses: dict[str, NumberCourse] = {}
         close = QDialogButtonBox(QDialogButtonBox.StandardButton.Close)
         close.rejected.connect(self.reject)
@@ -248,7 +333,7 @@ class TrendDialog(QDialog):
         steady = one.course.chances["steady"]
         return column not in led, bool(one.leans_on) and steady < TOLD, steady
 
-    def _said(self, found: list[Change]) -> str:
+    def _said(self, found: list[BenchChange]) -> str:
         times = len({row["created"] for row in self._rows})
         if times < LEAST_SESSIONS:
             how = f"all {len(self._rows)} are of {times}" if len(self._rows) > times else f"there are {times}"

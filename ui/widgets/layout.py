@@ -1,4 +1,4 @@
-"""Where widgets stand: in columns and rows, rooms that scroll, panes with grips, the page of an empty tab."""
+"""Where widgets stand: in columns and rows, rooms that scroll, panes with grips."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from PySide6.QtWidgets import (
     QBoxLayout,
     QFrame,
     QHBoxLayout,
-    QLabel,
     QLayout,
     QPushButton,
     QScrollArea,
@@ -262,18 +261,3 @@ class Panes(QSplitter):
         if len(kept) == self.count():
             self.setSizes(list(kept))
         self.splitterMoved.connect(lambda *_: settings.set_heights(self.objectName(), self.sizes()))
-
-
-MARGIN_PX = 80
-
-
-def lay_out_invitation(page: QWidget, title: QLabel, text: QLabel, button: QPushButton) -> None:
-    """Title, text and button at the left of the page, a little above its middle."""
-    column = QVBoxLayout(page)
-    column.setContentsMargins(MARGIN_PX, 0, MARGIN_PX, 0)
-    column.setSpacing(16)
-    column.addStretch(2)
-    column.addWidget(title)
-    column.addWidget(text)
-    column.addWidget(button, 0, Qt.AlignmentFlag.AlignLeft)
-    column.addStretch(3)

@@ -6,7 +6,16 @@ import math
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-from PySide6.QtCore import QEvent, QModelIndex, QObject, QPersistentModelIndex, QPointF, QSize, Qt
+from PySide6.QtCore import (
+    QEvent,
+    QModelIndex,
+    QObject,
+    QPersistentModelIndex,
+    QPointF,
+    QSize,
+    Qt,
+    SignalInstance,
+)
 from PySide6.QtGui import (
     QAction,
     QFontMetrics,
@@ -26,6 +35,7 @@ from PySide6.QtWidgets import (
     QGridLayout,
     QHeaderView,
     QLabel,
+    QPushButton,
     QSizePolicy,
     QStyle,
     QStyledItemDelegate,
@@ -36,7 +46,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from .layout import as_written, described
+from .layout import Spacer, as_written, described, vbox
 from .theme import large_font, small_font
 
 if TYPE_CHECKING:
@@ -221,6 +231,29 @@ def remark(text: str = "", wrap: bool = True) -> QLabel:
     label.setTextFormat(Qt.TextFormat.PlainText)
     label.setWordWrap(wrap)
     return label
+
+
+EMPTY_MARGINS = (80, 0, 80, 0)
+"""Of a page without anything to show, px."""
+
+
+class EmptyPage(QWidget):
+    """The page of a tab that has nothing to show yet: what is missing, and a way to open a session."""
+
+    def __init__(self, name: str, open_asked: SignalInstance) -> None:
+        super().__init__()
+        self._title, self._text = described(heading(large=True), name), remark()
+        self._open = described(QPushButton("&Open a session…"), primary="true")
+        self._open.clicked.connect(open_asked)
+        column = vbox(self, Spacer(2), self._title, self._text, margins=EMPTY_MARGINS, spacing=16)
+        column.addWidget(self._open, 0, Qt.AlignmentFlag.AlignLeft)
+        column.addStretch(3)
+
+    def say(self, title: str, text: str, opened: bool) -> None:
+        """The two texts; the button stands there while no session is open."""
+        self._title.setText(title if opened else "No session open")
+        self._text.setText(text)
+        self._open.setVisible(not opened)
 
 
 LINE_ROOM = 6

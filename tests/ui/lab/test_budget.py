@@ -21,8 +21,7 @@ from fingerlab.sessions.model import Session
 from fingerlab.ui.app.window import MainWindow
 from fingerlab.ui.lab.budget import BudgetPlot
 from fingerlab.ui.lab.error_path import ErrorPath
-from fingerlab.ui.widgets.plot_export import save_plot
-from fingerlab.ui.widgets.plot_figure import Paper
+from fingerlab.ui.widgets.plot_figure import Paper, save_plot
 
 from .. import invented
 from ..hands import child, invented_diagnosis, lab_of, wait_for_result

@@ -266,10 +266,10 @@ def test_opening_another_session_while_one_is_compared_takes_its_place(
     make_session: Callable[..., Path],
 ) -> None:
     held = Held()
-    window = make_window(diagnose=held)
+    in_turn = iter((held, invented_diagnosis))
+    window = make_window(diagnose=lambda *given, **more: next(in_turn)(*given, **more))
     drop(window, session_file)
     qtbot.waitUntil(held.running.is_set, timeout=PATIENCE)
-    lab_of(window).controller._diagnose = invented_diagnosis
     drop(window, make_session("another.h5"))
     qtbot.waitUntil(lambda: "another.h5" in window.windowTitle(), timeout=PATIENCE)
     wait_for_result(qtbot, window)

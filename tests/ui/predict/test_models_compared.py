@@ -17,6 +17,8 @@ from fingerlab.thesis.analysis import PUBLISHED, PublishedQuantity
 from fingerlab.twin.effects import parse_effects
 from fingerlab.twin.protocols import RunPlan, load_preset
 from fingerlab.twin.session import write_session
+from fingerlab.ui.fit.fit_view import ReplicateDialog
+from fingerlab.ui.predict.force_panel import ModelsDialog
 from fingerlab.ui.predict.predict_tab import PredictTab
 
 from ..hands import child, click
@@ -60,7 +62,7 @@ def test_saved_models_are_compared_on_runs_left_out(qtbot: QtBot, make_window, t
     window.context.commands_changed.emit()
     assert compare.isEnabled()
     compare.trigger()
-    qtbot.waitUntil(lambda: tab._compared is not None and tab._compared.isVisible(), timeout=PATIENCE)
+    qtbot.waitUntil(lambda: any(d.isVisible() for d in window.findChildren(ModelsDialog)), timeout=PATIENCE)
     nominal, friction = cells(child(window, QTableWidget, "comparedTable"))
     assert nominal[:2] == ["nominal model", "–"]
     assert friction[:2] == ["friction.json", "Coulomb joint friction"]
@@ -85,7 +87,7 @@ def test_the_thesis_experiment_is_repeated_from_the_menu(
     monkeypatch.setattr(comparison_words, "replicated", quick)
     window = make_window(tab="fit")
     chosen_in_menu(window, "The thesis' experiment again…").trigger()
-    dialog = window.tab("fit")._replicate
+    dialog = window.findChild(ReplicateDialog)
     dialog.seed.setValue(5)
     dialog.benches.setValue(2)
     click(window, "replicateRun")

@@ -23,6 +23,7 @@ from fingerlab.twin.protocols import RunPlan, load_preset
 from fingerlab.twin.session import write_session
 from fingerlab.ui.sessions.session_table import VERDICT
 from fingerlab.ui.sessions.sessions_tab import SessionsTab
+from fingerlab.ui.sessions.trend_dialog import TrendDialog
 
 from ..hands import LEFT, child, click
 
@@ -150,7 +151,7 @@ def test_the_trend_names_the_day_on_which_an_effect_came(
         cells["Delay"][6] == "wear > 99 %, with another"
     )  # it drifts, by 0.1 ms a day: 3.04 ms a month of 30.44 days
     assert float(cells["Delay"][3]) == pytest.approx(3.04, abs=0.1)
-    dialog = tab._trend
+    dialog = tab.widget.findChild(TrendDialog)
     assert dialog is not None
     assert dialog.plot.trend is not None
     assert dialog.plot.trend.column == "alone.coulomb_friction.coulomb_mcp"
@@ -172,7 +173,7 @@ def test_the_course_of_the_chosen_number_is_marked_and_said_below_the_plot(
     qtbot: QtBot, make_window, make_session, tmp_path: Path
 ) -> None:  # type: ignore[no-untyped-def]
     tab = trend_of_ten_days(qtbot, make_window, make_session, tmp_path)
-    dialog = tab._trend
+    dialog = tab.widget.findChild(TrendDialog)
     said = child(tab.widget, QLabel, "courseWords")
     assert "came up from nothing to 2.0" in said.text()
     items = dialog.plot.getPlotItem().items
@@ -206,7 +207,7 @@ def test_two_benches_side_by_side(qtbot: QtBot, make_window, make_session, tmp_p
     write_table(tmp_path / "verdicts.parquet", Contents(str(tmp_path.resolve()), (), tuple(rows), units))
     tab = browsing(qtbot, make_window, tmp_path, 1)
     click(tab.widget, "showTrend")
-    dialog = tab._trend
+    dialog = tab.widget.findChild(TrendDialog)
     bar = dialog.pages.tabBar()
     QTest.mouseClick(bar, LEFT, pos=bar.tabRect(1).center())
     assert dialog.benches.isVisible()
@@ -234,7 +235,7 @@ def test_a_folder_without_verdicts_says_what_makes_them(
     tab = browsing(qtbot, make_window, tmp_path, 1)
     click(tab.widget, "showTrend")
     assert "Diagnose all makes them" in child(tab.widget, QLabel, "trendWords").text()
-    dialog = tab._trend
+    dialog = tab.widget.findChild(TrendDialog)
     assert not dialog.plot.isVisible()
     assert not dialog.table.isVisible()
     words = dialog.words

@@ -12,6 +12,7 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QLabel, QPushButton, QTableWidget
 from pytestqt.qtbot import QtBot
 
+from fingerlab.ui.sessions.pairs_dialog import PairsDialog
 from fingerlab.ui.sessions.sessions_tab import SessionsTab
 
 from ..hands import LEFT, PATIENCE, child, click
@@ -51,9 +52,8 @@ def test_what_differs_between_two_days_is_named_and_drawn(
     tab.page.table.setFocus()
     QTest.keyClick(tab.page.table, Qt.Key.Key_A, Qt.KeyboardModifier.ControlModifier)
     click(window, "compareRuns")
-    qtbot.waitUntil(lambda: tab._pairs is not None and tab._pairs.isVisible(), timeout=PATIENCE)
-    dialog = tab._pairs
-    assert dialog is not None
+    qtbot.waitUntil(lambda: any(d.isVisible() for d in window.findChildren(PairsDialog)), timeout=PATIENCE)
+    dialog = window.findChild(PairsDialog)
     said = child(dialog, QLabel, "pairWords").text()
     assert said.startswith("1 run of the same motion in b-monday.h5 and a-tuesday.h5. Motor torque")
     table = child(dialog, QTableWidget, "pairTable")

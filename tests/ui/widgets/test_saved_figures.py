@@ -34,7 +34,7 @@ import pyqtgraph as pg
 from pathlib import Path
 from PySide6.QtWidgets import QApplication
 from fingerlab.core.text import ScreenUnit
-from fingerlab.ui.widgets.plot_export import save_plot
+from fingerlab.ui.widgets.plot_figure import save_plot
 from fingerlab.ui.widgets.plot_figure import Paper
 from fingerlab.ui.widgets.plots import Cursor, QuietPlot
 from fingerlab.ui.widgets.theme import apply_appearance
