@@ -252,11 +252,11 @@ SIMPLER_FIRST = 2.0
 """What a gain costs of which the data tell nothing: the simpler effect comes first, both are in the set."""
 SETTLING_ITERATIONS = 4
 """With fewer, a fit only looks round, and friction at rest is taken as it was at the start."""
-HOLDING_ROUNDS = 6
+HOLDING_ROUNDS = 12
 """Times that a fit is taken up again, at most, because what its values leave of the runs holds these
-otherwise; on the bench as built two to five are enough."""
-HELD_SETTLED = 1e-3
-"""Share of the cost by which that may still change what is reached."""
+otherwise; two to five are enough on the bench as built, ten where one run of five is far off."""
+HELD_SETTLED = 0.02
+"""Share by which how firmly they are held may still change: the cost then does by some per mille."""
 LEAST_GAIN = 1e-3
 """A step that lowers the cost by less than this is the last; the cost is twice a log probability."""
 LEAST_GAIN_SHARE = 1e-6

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.optimize import minimize
 
 from fingerlab.diagnosis.equations.model import Choice, build
 from fingerlab.diagnosis.fit.data import Weighted, own_to_a_run
+from fingerlab.diagnosis.fit.own_parts import Own, firmness_of
 from fingerlab.diagnosis.fit.solver import Fitter
 from fingerlab.diagnosis.gram.reduction import reduce_sessions
 from fingerlab.diagnosis.gram.sums import Reduced
@@ -30,6 +33,41 @@ def test_the_share_that_a_run_has_of_its_own_minimises_misfit_and_cost(off: floa
     least = float(np.min(weight * (off - spread * x) ** 2 + x**2))
     found = explained(np.array([[spread]]), np.array([off]), one_column(weight))
     assert weight * off**2 - found == pytest.approx(least, rel=1e-4)
+
+
+@pytest.mark.parametrize("off", [(0.01, 0.0), (0.2, -0.05), (1.0, 1.5)])
+def test_what_a_run_has_of_its_own_goes_no_further_than_runs_differ_by(off: tuple[float, float]) -> None:
+    """Where two parts stand: the least of misfit and cost within three standard deviations, by L-BFGS-B."""
+    told = np.array(off)
+    bend = np.array([[1e4, 4e3], [4e3, 5e3]])
+    parts = 0.05 * np.diag(told)
+    across = (bend @ parts)[None]
+    own = Own(parts, np.array([0]), across, across, np.ones((1, 2)))
+    own = replace(own, firmness=firmness_of(own, told, usual=1.0))
+    stands = -(own.inverse @ (told @ own.pulled)[:, :, None])[0, :, 0]
+
+    def misfit(x: np.ndarray) -> float:
+        left = told + parts @ x
+        return float(left @ bend @ left + x @ x)
+
+    least = minimize(misfit, np.zeros(2), method="L-BFGS-B", bounds=[(-3.0, 3.0)] * 2, tol=1e-14)
+    assert stands == pytest.approx(least.x, abs=1e-3)
+    assert (own.firmness > 1.0 + 1e-6).tolist() == [(np.abs(least.x) > 2.999).tolist()]
+
+
+def test_a_fit_ends_where_its_values_hold_the_runs_as_it_did() -> None:
+    """Each run rubs otherwise, by more than friction wanders: what it is allowed follows from the fit."""
+    runs = []
+    for number, coefficient in enumerate((0.8e-3, 1.25e-3, 1.0e-3, 1.02e-3, 0.9e-3)):
+        bench = made.Bench(missing=made.Missing(motor_viscous=coefficient))
+        session = made.session(bench, number + 1, contact=0)
+        runs.append(replace(session.runs[0], name=f"{number + 1:03d}"))
+    effect = CATALOGUE["motor_viscous_friction"]
+    scorer = Scorer(reduce_sessions([replace(session, runs=tuple(runs))], [effect]))
+    ended = scorer.fit_reweighted([Choice(effect)])
+    fitter = Fitter(ended.model, scorer.data, ended.weights)
+    fitter.hold(ended.fit.values)
+    assert fitter.cost(ended.fit.values) == pytest.approx(ended.fit.cost, rel=5e-3)
 
 
 @pytest.fixture(scope="module")

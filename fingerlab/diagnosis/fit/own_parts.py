@@ -86,6 +86,19 @@ def between(before: dict[int, list[Own]], now: dict[int, list[Own]]) -> dict[int
     }
 
 
+def firmness_moved(before: dict[int, list[Own]], now: dict[int, list[Own]]) -> float:
+    """By which share the firmness of any part changed most; infinite where there are other parts."""
+    pairs = [
+        (a.firmness, b.firmness)
+        for i, each in now.items()
+        for a, b in zip(before.get(i, ()), each, strict=False)
+    ]
+    count = sum(len(each) for each in now.values())
+    if len(pairs) != count or any(a.shape != b.shape for a, b in pairs):
+        return float("inf")
+    return max((float(np.abs(a / b - 1.0).max()) for a, b in pairs), default=0.0)
+
+
 def firmness_of(own: Own, told: Array, usual: float) -> Array:
     """How firmly each part of every run is held so that none is more of itself than runs differ by, at most.
 

@@ -26,7 +26,7 @@ from fingerlab.diagnosis.fit.data import (
     own_to_a_run,
     temperature,
 )
-from fingerlab.diagnosis.fit.own_parts import Own, between, firmness_of
+from fingerlab.diagnosis.fit.own_parts import Own, between, firmness_moved, firmness_of
 from fingerlab.diagnosis.gram.sums import taken_up, taken_up_by_folds
 from fingerlab.diagnosis.settings import (
     HELD_SETTLED,
@@ -325,9 +325,9 @@ class Fitter:
             # Held otherwise, the runs ask for other values, and these for the runs to be held otherwise.
             before = self._own
             self.hold(fit.values)
-            self._own = between(before, self._own)
-            if abs(self.cost(fit.values) - fit.cost) <= HELD_SETTLED * abs(fit.cost):
+            if firmness_moved(before, self._own) < HELD_SETTLED:
                 break
+            self._own = between(before, self._own)
             fit = self._run(fit.values, iterations)
         return replace(fit, with_own=self._information_with_own(fit.values)) if self._own else fit
 
