@@ -21,6 +21,7 @@ from fingerlab.batch.settings import MOSTLY, TOLD
 from fingerlab.batch.strengths import (
     effect_of,
     found_effects,
+    is_loss,
     model_of,
     prior_of,
     series,
@@ -151,7 +152,7 @@ def courses(rows: Sequence[Row], units: Mapping[str, str]) -> list[NumberCourse]
         one = course(days[known], values, errors, prior, used[known])
         if one is not None:
             names, when = (tuple(str(usable[i][key]) for i in known) for key in ("session", "created"))
-            from_nothing = prior.absent or column.startswith("param.loss")
+            from_nothing = prior.absent or is_loss(column)
             unit = units.get(column) or units.get(_alone(column), "1")
             leans_on = tuple(_leans_on(column, [usable[i] for i in known]))
             told.append(

@@ -361,8 +361,10 @@ def take(
             kept in either case.
     """
     from fingerlab.acquisition.control.machine import SetUp
+    from fingerlab.acquisition.protocols.driver import refuse_impossible
     from fingerlab.acquisition.protocols.steps import Record, plan_seconds
 
+    refuse_impossible(steps, bench.settings)
     if told.model is not None:
         live_model(rig, bench.rate_hz, told.model, SetUp())  # what is lacking is told before anything moves
     attendant = _Attendant(bench, rig, told, events, bar, report)

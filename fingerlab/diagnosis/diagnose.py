@@ -274,7 +274,7 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
         left_aside=asides,
         run_shares=each_share,
         run_asides=each_aside,
-        repeats=all(group.repeats for group in scorer.reduced.groups),
+        repeats=scorer.reduced.floor_from != "state law",
         floor_from=scorer.reduced.floor_from,
         calibration=calibration,
         odds=evidence.odds,

@@ -276,6 +276,11 @@ MOST_ROUNDS = 8
 
 CORRELATED_VALUES = 16.0
 """Independent noise values within one correlation time (about a second) of a systematic misfit; assumed."""
+STROKE_VALUES = 4.0
+"""... and in half a stroke, below which a misfit of friction or inertia does not come again."""
+VALUES_OF_A_MOTION = 14.0
+"""So many systematic values a run of one motion has in any case: sine and cosine of seven harmonics, as a
+stroke of the thesis' pace has them below the narrow cutoff."""
 EARNED_SHARE = 0.001
 """Share of the explained misfit that every further unknown gains by chance and bias."""
 EARNED_MOST = 100.0

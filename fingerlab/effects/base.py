@@ -190,6 +190,7 @@ class Effect:
         coordinate: what the residual is plotted against to see this effect (a ``Motion`` quantity).
         equation: the row in which that fingerprint is drawn.
         explanation: one sentence for a person, without numbers.
+        of_an_axis: the same of a motor or an axis alone, at a point of ``shapes``; None: as ``explanation``.
         reveal: the experiment that shows the effect where these data could not.
         mend: what on the bench makes it smaller, a sentence.
         shapes: grid of the nonlinear unknowns; each point is a mapping name -> value.
@@ -224,6 +225,7 @@ class Effect:
     explanation: str
     reveal: str
     mend: str = ""
+    of_an_axis: Callable[[Shape], str] | None = None
     shapes: Sequence[Shape] = ({},)
     shape_units: Mapping[str, str] = field(default_factory=dict)
     shapes_seen: Callable[[Sequence[Motion]], Sequence[Shape]] | None = None

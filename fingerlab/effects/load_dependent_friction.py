@@ -48,6 +48,9 @@ EFFECT = Effect(
     coordinate="tension times direction of travel",
     equation=Row.PIP,
     explanation="The missing tension opposes the travel and grows with the torque transmitted.",
+    of_an_axis=lambda shape: (
+        "The motor's equation misses a torque that opposes the travel and grows with the load."
+    ),
     reveal="a motor bench with two known loads",
     mend="Grease the gearbox, or choose one with a smaller ratio; less pretension lowers it, too.",
     shapes=tuple({"travel_deg": value, "sharpness": 1.0} for value in (0.6, 0.85, 1.2, 1.7)),

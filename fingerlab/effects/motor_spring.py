@@ -5,6 +5,11 @@ from fingerlab.effects.transmission import drive_terms
 from fingerlab.physics.motion import Motion
 from fingerlab.physics.parameter import Parameter
 
+OF_AN_AXIS = (
+    "The motor's equation misses a torque in proportion to its angle: that of a spring or, over a short "
+    "travel, of the weight of a link."
+)
+
 
 def columns(motion: Motion, shape: Shape) -> list[Term]:
     return drive_terms(motion, "stiffness", motion.position)
@@ -20,6 +25,7 @@ EFFECT = Effect(
     coordinate="motor angle",
     equation=Row.PIP,
     explanation="Both joints miss the same tension, in proportion to the motor angle.",
+    of_an_axis=lambda shape: OF_AN_AXIS,
     reveal="slow steps on the motor bench",
     mend="Keep the motor's wires and the cable's end from pulling at the pulley.",
     bench=True,
@@ -28,7 +34,7 @@ EFFECT = Effect(
         symbols="k: stiffness on the motor side.",
         source="Ours: a linear spring on the motor side, assumed (cable loop, seals, return spring).",
         values={"stiffness": "k"},
-        alike=("stiffness_error", "motor_inertia", "cable_stretch"),
+        alike=("stiffness_error", "motor_inertia", "cable_stretch", "torque_ripple"),
     ),
     example=Example({}, {"position": 0.5}, {"MCP stiffness": 50.0, "PIP stiffness": 50.0}),
 )

@@ -197,6 +197,8 @@ def _check_role(effect: Effect, name: str, gain: Parameter, here: str) -> None:
         raise UserError(f"{here} has limits that cannot be called; give a function of the shape.")
     for shape in effect.shapes:
         within = gain.limits(shape)
+        if within is None:
+            continue
         good = isinstance(within, (tuple, list)) and len(within) == 2 and all(_is_number(v) for v in within)
         if not good or not gain.low <= within[0] < within[1] <= gain.high:
             raise UserError(f"{here} has the limits {within!r} at {dict(shape)}; it should lie in the range.")

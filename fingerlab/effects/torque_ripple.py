@@ -10,7 +10,7 @@ import numpy as np
 from fingerlab.effects.base import Effect, Example, Formula, Row, Shape, Term
 from fingerlab.effects.transmission import drive_terms, pull_terms
 from fingerlab.physics.motion import LEAST_PERIODS, Motion, strongest_orders
-from fingerlab.physics.parameter import Parameter
+from fingerlab.physics.parameter import Limits, Parameter
 
 RIPPLE_ORDERS = (*range(4, 41, 2), *range(44, 61, 4))
 """Periods a turn of the pulley that are tried; between two of them a travel of 30 degrees shifts the phase by
@@ -26,6 +26,12 @@ TRIPLE = Parameter("N m", -0.02, 0.02, 0.001, title="ripple amplitude at three t
 
 HARMONICS: dict[str, Parameter] = {"": RIPPLE, "double_": DOUBLE, "triple_": TRIPLE}
 
+WEIGHT = "weight"
+"""Switch of a shape: the torque goes with sine and cosine of the angle, as the weight of a link does."""
+WEIGHS = {"order": 1.0, WEIGHT: 1.0}
+MOST_WEIGHT = 1.0
+"""Of a link's weight, N m; assumed: it may move the axis more than all else does."""
+
 
 def columns(motion: Motion, shape: Shape) -> list[Term]:
     """A torque with the period of the order, and its double: no mesh or commutator makes a pure sine.
@@ -33,6 +39,7 @@ def columns(motion: Motion, shape: Shape) -> list[Term]:
     Of a motor alone, with the third harmonic, too: cogging is as sharp as its teeth.
     """
     order = shape["order"]
+    harmonics = 1 if shape.get(WEIGHT) else 3 if motion.finger is None else 2
 
     def column(gain: str, of: float, part: str) -> list[Term]:
         pull = motion.remember(
@@ -42,7 +49,7 @@ def columns(motion: Motion, shape: Shape) -> list[Term]:
 
     return [
         term
-        for times, name in enumerate(list(HARMONICS)[: 3 if motion.finger is None else 2], 1)
+        for times, name in enumerate(list(HARMONICS)[:harmonics], 1)
         for part, of in (("sine", "imag"), ("cosine", "real"))
         for term in column(f"{name}{part}", times * order, of)
     ]
@@ -52,21 +59,41 @@ def orders_seen(motions: Sequence[Motion]) -> tuple[Shape, ...]:
     """The strongest lines of the torque over the angle of a motor alone.
 
     A motor that turns by less than once cannot tell neighbouring lines apart: usual orders are tried, too, of
-    which some periods lie within the travel. What does not come again there is as well a spring.
+    which some periods lie within the travel. What does not come again there is as well a spring; but a joint
+    carries a link, whose weight goes with sine and cosine of its angle.
     """
     turns = float(np.median([np.ptp(one.position) for one in motions])) / (2.0 * math.pi)
     usual = [float(n) for n in RIPPLE_ORDERS if n * turns >= LEAST_PERIODS] if turns < 1.0 else []
-    return tuple({"order": order} for order in sorted({*usual, *strongest_orders(motions)}))
+    told = tuple({"order": order} for order in sorted({*usual, *strongest_orders(motions)}))
+    turning = turns < LEAST_PERIODS and not any(one.linear for one in motions)
+    return (WEIGHS, *told) if turning else told
 
 
-def orders_closer(shape: Shape) -> Sequence[Shape]:
-    """About the one found, and the grid once more.
+def _closer(shape: Shape) -> Sequence[Shape]:
+    return (shape,) if shape.get(WEIGHT) else _other_orders(shape)
 
-    The lines of a spectrum have no slope between them that leads from one to another, and what is lacking
-    beside a ripple on the grid may have hidden which line it is.
+
+def _other_orders(shape: Shape) -> Sequence[Shape]:
+    """About the one found, and about its double.
+
+    On a grid what a line leaves beside it may pass for the double of another one: then that is the order, and
+    no way downhill leads from one line of a spectrum to the next.
     """
     near = [shape["order"] + k / 2 for k in range(-6, 7)]
-    return [{"order": order} for order in sorted({*near, *map(float, RIPPLE_ORDERS)})]
+    return [{"order": order} for order in sorted({*near, *(2.0 * order for order in near)})]
+
+
+def _limits(shape: Shape) -> Limits | None:
+    return (-MOST_WEIGHT, MOST_WEIGHT) if shape.get(WEIGHT) else None
+
+
+def _of_an_axis(shape: Shape) -> str:
+    if shape.get(WEIGHT):
+        return (
+            "The motor's equation misses a torque that goes with the sine of its angle, once a turn: that of "
+            "the weight of a link, or of whatever is out of balance."
+        )
+    return "The motor's equation misses a torque, which repeats with the motor angle."
 
 
 def _turning(motion: Motion, order: float) -> Any:
@@ -83,7 +110,7 @@ EFFECT = Effect(
     family="Motor and gearbox",
     acts_on=("motor_torque",),
     gains={
-        f"{order}{part}": replace(ripple, title=f"{ripple.title}, {part}")
+        f"{order}{part}": replace(ripple, title=f"{ripple.title}, {part}", limits=_limits)
         for order, ripple in HARMONICS.items()
         for part in ("sine", "cosine")
     },
@@ -91,18 +118,20 @@ EFFECT = Effect(
     coordinate="motor angle",
     equation=Row.PIP,
     explanation="Both joints miss the same tension, which repeats with the motor angle.",
+    of_an_axis=_of_an_axis,
     reveal="a slow sine of large amplitude on the motor bench",
     mend="Use a motor with more commutator segments, or compensate its torque by its angle.",
     shapes=tuple({"order": float(n)} for n in RIPPLE_ORDERS),
     shape_units={"order": "1/turn"},
     shapes_seen=orders_seen,
-    closer=orders_closer,
+    closer=_closer,
     bench=True,
     formula=Formula(
         equation=r"\tau_m = \sum_{k=1}^{3} A_k\sin kn\theta_m + B_k\cos kn\theta_m",
         symbols=(
             "A, B: amplitudes at the order and its multiples, the third of a motor alone only. n: periods a "
-            "turn of the pulley."
+            "turn of the pulley. Of a joint that turns by less than two turns k = n = 1 is tried, too: the "
+            "weight of a link."
         ),
         source="Ours: the first terms of a Fourier series over a turn, assumed.",
         values={

@@ -50,7 +50,8 @@ class Parameter:
         open: of a nuisance, whether nothing is known of it before a run tells; its prior then hardly counts.
         phase: of a nuisance, the phase of a run that alone can tell it; empty: any.
         cable: the one that alone can tell it; empty: any. A model has it where a run has that cable.
-        limits: narrower limits at a point of the grid of shapes, where the law holds only near that point.
+        limits: other limits at a point of the grid of shapes, where the law holds only near that point or
+            means another thing there; None: as elsewhere.
     """
 
     unit: str
@@ -70,11 +71,9 @@ class Parameter:
     open: bool = False
     phase: str = ""
     cable: str = ""
-    limits: Callable[[Mapping[str, float]], Limits] | None = None
+    limits: Callable[[Mapping[str, float]], Limits | None] | None = None
 
     def at(self, shape: Mapping[str, float]) -> Parameter:
         """The parameter with the limits that it has at a point of the grid of shapes."""
-        if self.limits is None:
-            return self
-        low, high = self.limits(shape)
-        return replace(self, low=low, high=high)
+        found = None if self.limits is None else self.limits(shape)
+        return self if found is None else replace(self, low=found[0], high=found[1])

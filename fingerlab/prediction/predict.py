@@ -18,7 +18,6 @@ from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress, Watch
 from fingerlab.diagnosis.answer.wording import every_parameter
 from fingerlab.diagnosis.equations.model import Choice
-from fingerlab.diagnosis.fit.data import temperature
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.score.scorer import Scorer
@@ -417,7 +416,7 @@ def _by_key(trial: FittedModel) -> dict[str, float]:
 
 def _estimates(trial: FittedModel) -> dict[str, ParameterEstimate]:
     """All unknowns with 90 % intervals, as the diagnosis tells them."""
-    return every_parameter(trial, temperature(trial.misfit, trial.count))
+    return every_parameter(trial, trial.heat())
 
 
 def _calibrated(variant: Variant, sessions: Sequence[Session], hashes: Mapping[Path, str]) -> Variant:

@@ -244,6 +244,8 @@ def reads_as(first: ParameterEstimate | None, second: ParameterEstimate | None, 
 
 def change_sentence(change: BenchChange) -> str:
     """What changed, between which sessions, and how sure that is."""
+    from fingerlab.batch.strengths import is_loss
+
     when = f"Between {change.before} and {change.after} ({change.when[:10]})"
     sure = f"Probability {percent(change.chance)}; of that moment, if so, {percent(change.certain_place)}."
     title = in_sentence(effect_title(change.effect)) if change.effect else ""
@@ -260,9 +262,7 @@ def change_sentence(change: BenchChange) -> str:
         what = strength
     else:
         what = f"the same effect has {change.kind}, {title}: {strength}; {seen}"
-    what += reads_as(
-        change.first, change.second, bool(change.effect) or change.column.startswith("param.loss")
-    )
+    what += reads_as(change.first, change.second, bool(change.effect) or is_loss(change.column))
     many = len(change.others)
     others = f" With it moved {many} other number{'s' * (many > 1)}." if many else ""
     return f"{when} {what}. {sure}{others}"

@@ -145,9 +145,9 @@ def floor_sentence(diagnosis: Diagnosis) -> str:
     if diagnosis.repeats:
         return ""
     return (
-        "No motion in these runs comes again. The floor is therefore what the best model leaves or, where "
-        "that is less, what a law of the measured state leaves that knows no physics: it bounds the noise, "
-        "and a sine of a few cycles would tell it."
+        "No motion in these runs comes again. The floor is therefore what a law of the measured state leaves "
+        "that knows no physics, beside the best model or alone: it bounds the noise, and a sine of a few "
+        "cycles would tell it."
     )
 
 

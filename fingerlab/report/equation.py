@@ -11,6 +11,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from fingerlab.diagnosis.equations.parameters import SLIPS
 from fingerlab.models.file import ParameterEstimate
 from fingerlab.prediction.extended import ChosenEffect, ExtendedModel
 from fingerlab.report.diagnosis_words import in_sentence
@@ -153,19 +154,19 @@ def torque_constants(finger: Finger) -> TorqueConstants:
 
 def _torque_part(finger: Finger) -> EquationPart:
     k = torque_constants(finger)
-    c, d, alpha = number(k.coupling), number(k.distal), number(finger.wrist_angle)
-    weight = rf"{number(k.weight_pip)}\,\cos(\theta_1 + \theta_2 - {alpha})"
+    c, d, alpha = latex(k.coupling), latex(k.distal), latex(finger.wrist_angle)
+    weight = rf"{latex(k.weight_pip)}\,\cos(\theta_1 + \theta_2 - {alpha})"
     return EquationPart(
         "Joint torques that motion, weight and springs call for",
         (
-            rf"\mathrm{{LHS}}_1 = ({number(k.own_mcp)} + {number(2 * k.coupling)}\,\cos\theta_2)"
+            rf"\mathrm{{LHS}}_1 = ({latex(k.own_mcp)} + {latex(2 * k.coupling)}\,\cos\theta_2)"
             rf"\,\ddot\theta_1 + ({d} + {c}\,\cos\theta_2)\,\ddot\theta_2",
             rf"\qquad - {c}\,\sin\theta_2\,\dot\theta_2\,(2\dot\theta_1 + \dot\theta_2)"
-            rf" - {number(k.weight_mcp)}\,\cos({alpha} - \theta_1)",
-            rf"\qquad - {weight} + {number(finger.mcp_stiffness)}\,\theta_1",
-            rf"\mathrm{{LHS}}_2 = ({d} + {c}\,\cos\theta_2)\,\ddot\theta_1 + {number(k.own_pip)}"
+            rf" - {latex(k.weight_mcp)}\,\cos({alpha} - \theta_1)",
+            rf"\qquad - {weight} + {latex(finger.mcp_stiffness)}\,\theta_1",
+            rf"\mathrm{{LHS}}_2 = ({d} + {c}\,\cos\theta_2)\,\ddot\theta_1 + {latex(k.own_pip)}"
             rf"\,\ddot\theta_2 + {c}\,\sin\theta_2\,\dot\theta_1^2",
-            rf"\qquad - {weight} + {number(finger.pip_stiffness)}\,\theta_2",
+            rf"\qquad - {weight} + {latex(finger.pip_stiffness)}\,\theta_2",
         ),
         "Thesis (3.16), (3.17).",
     )
@@ -178,10 +179,10 @@ def _tension_part(motor: Motor, found: Mapping[str, ParameterEstimate], with_eff
     rotor = rf"{signed(-inertia)}\,\ddot\theta_m" if inertia else ""
     effect = r" - \tau_m" if with_effect else ""
     constant = motor.torque_constant * motor.gear_ratio if motor.torque_constant and motor.gear_ratio else 0.0
-    current = rf",\qquad M = {number(constant)}\,i" if constant else ""
+    current = rf",\qquad M = {latex(constant)}\,i" if constant else ""
     return EquationPart(
         "Cable tension from the motor",
-        (rf"T = \frac{{{number(gain)}\,M {rotor}{effect}}}{{{number(motor.pulley_radius)}}}{current}",),
+        (rf"T = \frac{{{latex(gain)}\,M {rotor}{effect}}}{{{latex(motor.pulley_radius)}}}{current}",),
         "M: torque at the gearbox output. i: motor current."
         + (" The number before M corrects the torque constant." if gain != 1 else ""),
     )
@@ -194,9 +195,9 @@ def _balance_part(found: Mapping[str, ParameterEstimate], with_effect: bool) -> 
             arm = SIGNS[cable] * _value(found, f"arm_{joint}@{cable}")
             loss, trace = _value(found, f"loss_{joint}@{cable}"), _value(found, f"trace_{joint}")
             lines.append(
-                rf"\mathrm{{LHS}}_{index} = {number(arm)}\,T {signed(loss)}"
+                rf"\mathrm{{LHS}}_{index} = {latex(arm)}\,T {signed(loss)}"
                 + rf" {signed(-trace)}\,\dot\theta_{index}"
-                + (rf" - {number(1.0 + _value(found, 'force_gain'))}\,F\,\ell_{index}")
+                + (rf" - {latex(1.0 + _value(found, 'force_gain'))}\,F\,\ell_{index}")
                 + (rf" - H\,\lambda_{index}" if "lateral" in found else "")
                 + (rf" - \tau_{index}" if with_effect else "")
                 + rf"\qquad\mathrm{{({cable}\ cable)}}"
@@ -208,8 +209,8 @@ def _balance_part(found: Mapping[str, ParameterEstimate], with_effect: bool) -> 
 def _contact_part(finger: Finger, found: Mapping[str, ParameterEstimate]) -> Iterator[EquationPart]:
     if "force_gain" not in found:
         return
-    alpha = number(finger.wrist_angle)
-    one, two = number(2 * finger.proximal_half_length), number(2 * finger.distal_half_length)
+    alpha = latex(finger.wrist_angle)
+    one, two = latex(2 * finger.proximal_half_length), latex(2 * finger.distal_half_length)
     lines = [
         rf"\ell_2 = {two}\,\cos(\theta_1 + \theta_2 - {alpha}),\qquad"
         rf" \ell_1 = {one}\,\cos({alpha} - \theta_1) + \ell_2"
@@ -220,7 +221,7 @@ def _contact_part(finger: Finger, found: Mapping[str, ParameterEstimate]) -> Ite
             rf"\lambda_2 = {two}\,\sin(\theta_1 + \theta_2 - {alpha}),\qquad"
             rf" \lambda_1 = \lambda_2 - {one}\,\sin({alpha} - \theta_1)"
         )
-        slips = sorted(key for key in found if key.startswith("lateral_slip_"))
+        slips = sorted(found.keys() & set(SLIPS))
         factors = [
             ("lateral", 1.0, r"\,F"),
             ("lateral_constant", 1.0, ""),
@@ -249,8 +250,8 @@ def _cable_part(motor: Motor, found: Mapping[str, ParameterEstimate], with_effec
             if _value(found, key)
         ]
         lines.append(
-            rf"{number(motor.pulley_radius or math.nan)}\,\theta_m = "
-            rf"{number(_value(found, f'offset@{cable}'))} {signed(arms[0])}\,\theta_1"
+            rf"{latex(motor.pulley_radius or math.nan)}\,\theta_m = "
+            rf"{latex(_value(found, f'offset@{cable}'))} {signed(arms[0])}\,\theta_1"
             rf" {signed(arms[1])}\,\theta_2 {' '.join(stretch)}"
             + (" + x" if with_effect else "")
             + rf"\qquad\mathrm{{({cable}\ cable)}}"
@@ -334,7 +335,7 @@ def _value(found: Mapping[str, ParameterEstimate], key: str) -> float:
     return found[key].value if key in found else 0.0
 
 
-def number(value: float, digits: int = 4) -> str:
+def latex(value: float, digits: int = 4) -> str:
     r"""LaTeX of a number: ``0.01163``, ``5.21\times 10^{-5}``; at most ``digits`` digits that count."""
     if value == 0 or 1e-3 <= abs(value) < 1e5:
         return f"{value:.{digits}g}"
@@ -345,4 +346,4 @@ def number(value: float, digits: int = 4) -> str:
 
 def signed(value: float) -> str:
     """A number as a further term of a sum: with a sign and a space in front."""
-    return f"{'-' if value < 0 else '+'} {number(abs(value))}"
+    return f"{'-' if value < 0 else '+'} {latex(abs(value))}"

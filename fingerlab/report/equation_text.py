@@ -10,7 +10,7 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from fingerlab.core.errors import UserError
-from fingerlab.report.equation import EquationPart, FinalEquation, Value, number
+from fingerlab.report.equation import EquationPart, FinalEquation, Value, latex
 from fingerlab.report.figure_style import DPI, MEASURED
 
 SI_NOTE = (
@@ -83,7 +83,7 @@ def value_latex(value: Value) -> str:
     r"""``0.003728 \pm 9.9\times 10^{-5}``: the value, and half the interval where it has one."""
     one = value.estimate
     half = (one.high - one.low) / 2.0
-    return number(one.value) + (rf" \pm {number(half, 2)}" if half > 0 else "")
+    return latex(one.value) + (rf" \pm {latex(half, 2)}" if half > 0 else "")
 
 
 def equation_figure(part: EquationPart) -> Figure | None:

@@ -53,7 +53,7 @@ TITLES = {
     "lateral_rub": ("Friction coefficient of the tip", "1"),
     "tip_tilt": ("Tilt of the pressed face", "1"),
     "tip_compliance": ("Compliance of tip and load cell", "m/N"),
-    **{name: (f"Slip of the tip at {name.rpartition('_')[2]} N/m", "1") for name in SLIPS},
+    **{name: (f"Slip of the tip, stiffness {name.rpartition('_')[2]}", "1") for name in SLIPS},
     **{
         f"{CHANGED_OFFSET}{k}": (f"Offset of the cable, more with change {k}", "m")
         for k in range(1, MOST_CHANGES + 1)

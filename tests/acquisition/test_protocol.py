@@ -14,7 +14,7 @@ from fingerlab.acquisition.bench.process_bench import InlineBench
 from fingerlab.acquisition.bench.steering import LoopSettings
 from fingerlab.acquisition.control.machine import Mode
 from fingerlab.acquisition.control.units import BenchUnits
-from fingerlab.acquisition.protocols.driver import Beginning, ProtocolDriver
+from fingerlab.acquisition.protocols.driver import Beginning, ProtocolDriver, refuse_impossible
 from fingerlab.acquisition.protocols.steps import (
     SETTLE_S,
     Change,
@@ -22,6 +22,7 @@ from fingerlab.acquisition.protocols.steps import (
     Lift,
     Record,
     Rest,
+    WorkOut,
     plan_seconds,
     plan_steps,
     scan_runs,
@@ -29,7 +30,8 @@ from fingerlab.acquisition.protocols.steps import (
 )
 from fingerlab.acquisition.recording import SessionInfo
 from fingerlab.core.errors import UserError
-from fingerlab.devices.simulated import SimulatedBench, Simulation
+from fingerlab.devices.faults import Faults, SensorFault
+from fingerlab.devices.simulated import SimulatedBench, SimulatedRig, Simulation
 from fingerlab.rig.file import Intervention, default_rig
 from fingerlab.rig.limits import Limits
 from fingerlab.sessions import open_session
@@ -65,6 +67,8 @@ def test_every_protocol_of_simulate_has_its_runs_in_its_order(name: str) -> None
     assert [(r.phase, r.cable, r.trajectory) for r in records] == [
         (p.phase, p.cable, p.trajectory) for p in plans
     ]
+    rig = default_rig()
+    refuse_impossible(plan_steps(plans, 0.8), LoopSettings(BenchUnits.from_rig(rig), rig.limits))
 
 
 def test_a_known_load_is_lifted_before_each_run_and_never_set_down_in_one() -> None:
@@ -158,6 +162,29 @@ def test_a_fault_ends_the_protocol_and_what_was_taken_is_kept(tmp_path: Path) ->
     assert runs[0].attributes["ended"] == "clean"
     assert runs[-1].attributes["ended"] == "truncated"
     bench.close()
+
+
+def test_what_breaks_while_the_next_run_is_worked_out_is_what_the_operator_reads(tmp_path: Path) -> None:
+    """Not that a trajectory cannot begin in a fault."""
+    off = Faults(sensors=(SensorFault("mcp_volts", 7000, level=0.0),))
+    device = SimulatedRig(simulation=Simulation(seed=1), faults=off)
+    rig = device.rig
+    bench = InlineBench(device, LoopSettings(BenchUnits.from_rig(rig), rig.limits), tmp_path / "rescue")
+    bench.recorder.open(SessionInfo(tmp_path / "s.h5", rig.to_json(), "t", "2026-11-01T09:00:00+01:00"))
+    wave = RunPlan(AIR.phase, AIR.cable, {**AIR.trajectory, "amplitude_deg": 3.0})
+    change, first, second = (step for step in plan_steps([wave, wave], 0.8) if not isinstance(step, Rest))
+    think = WorkOut("thinking", lambda _run: bench.step(7000))
+    with pytest.raises(UserError, match=r"^The MCP sensor gives 0\.00. V, outside of"):
+        ProtocolDriver(bench, lambda _: None).take([change, first, think, second])
+    assert not bench.status().enabled
+    bench.close()
+
+
+def test_torques_are_not_found_for_a_bench_that_nobody_checked() -> None:
+    rig = default_rig()
+    settings = LoopSettings(BenchUnits.from_rig(rig), rig.limits, current_share=0.1)
+    with pytest.raises(UserError, match=r"was not checked gets 10%; confirm it with check-rig first\."):
+        refuse_impossible([WorkOut("thinking", lambda _run: None)], settings)
 
 
 def test_an_end_before_the_motion_begins_none(tmp_path: Path) -> None:

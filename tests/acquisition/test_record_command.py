@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import re
 import signal
 import subprocess
 import sys
@@ -17,16 +18,17 @@ from click.testing import CliRunner
 
 from fingerlab.acquisition.bench.process_bench import InlineBench
 from fingerlab.acquisition.bench.steering import LoopSettings, ReadyStart, prepare
-from fingerlab.acquisition.control.machine import Start
+from fingerlab.acquisition.control.machine import Enable, Initialise, SetUp, Start
 from fingerlab.acquisition.control.trajectories import read_trajectory
 from fingerlab.acquisition.control.units import BenchUnits
 from fingerlab.acquisition.protocols.steps import Record, plan_steps
 from fingerlab.cli.record import record
 from fingerlab.cli.simulate import single_plan
 from fingerlab.core.errors import UserError
+from fingerlab.devices.simulated import SimulatedRig
 from fingerlab.diagnosis.experiment.predicted_runs import bench_menu
 from fingerlab.diagnosis.settings import BENCH_LOADS_NM
-from fingerlab.rig.file import default_rig
+from fingerlab.rig.file import default_rig, load_rig
 from fingerlab.sessions import check_session, open_session
 
 RUN = {"kind": "sine", "amplitude_deg": 10.0, "frequency_hz": 1.0, "offset_deg": 20.0, "duration_s": 3.0}
@@ -139,6 +141,7 @@ def test_every_run_that_is_proposed_for_the_motor_bench_is_within_its_limits() -
         (["--trajectory", "nowhere.json", "--phase", "free"], "JSON text or a file of it"),
         (["--trajectory", '{"next_experiment": null}'], "nothing left to separate"),
         (["--trajectory", json.dumps({**RUN, "offset_deg": 400}), "--phase", "free"], "limits are"),
+        (["--protocol", "rich", "--force", "20"], "pressed with 20 N; the limit of the force is 10 N"),
         (["--trajectory", json.dumps({**RUN, "load_torque": 0.1}), "--phase", "free"], "motor_bench"),
         (["--trajectory", json.dumps({**RUN, "load_torque": "x"}), "--phase", "motor_bench"], "in N m"),
         (["--protocol", "on-air", "--runs", "3"], "--runs"),
@@ -155,6 +158,42 @@ def test_bad_requests_are_one_sentence(tmp_path: Path, arguments: list[str], wor
     assert isinstance(result.exception, UserError)
     assert words in str(result.exception)
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("section", "protocol", "words"),
+    [
+        ("load_cell", "rich", "[daq.load_cell], and what is on the bench needs one; connect the load cell"),
+        ("mcp", "on-air", "[daq.mcp], and what is on the bench needs one; connect the MCP sensor"),
+        ("current_monitor", "on-air", "[daq.current_monitor], and without one no motor is driven; connect"),
+    ],
+)
+def test_a_bench_that_lacks_a_sensor_says_so_before_a_run(
+    tmp_path: Path, section: str, protocol: str, words: str
+) -> None:
+    """By protocol before anything moves; by hand at Initialise, or at enable where it is the monitor."""
+    text = (Path(__file__).parents[2] / "resources/rigs/default.toml").read_text(encoding="utf-8")
+    before, after = text.split(f"[daq.{section}]\nterminal", 1)
+    path = tmp_path / "rig.toml"
+    path.write_text(f'{before}[daq.{section}]\nterminal = ""\n{after.split(chr(10), 1)[1]}', encoding="utf-8")
+    out = tmp_path / "no.h5"
+    result = call(
+        "--protocol", protocol, "--device", "simulated", "--rig", str(path), "--yes", "--out", str(out)
+    )
+    assert isinstance(result.exception, UserError)
+    assert words in str(result.exception)
+    assert not out.exists()
+    rig = load_rig(path)
+    units, by_hand = BenchUnits.from_rig(rig), SetUp("contact", "flexion")
+    bench = InlineBench(SimulatedRig(rig), LoopSettings(units, rig.limits), tmp_path / "rescue")
+    bench.ask(by_hand)
+    bench.wait(1.5)
+    if section == "current_monitor":
+        bench.ask(Initialise())
+    with pytest.raises(UserError, match=re.escape(words)):
+        bench.ask(Enable() if section == "current_monitor" else Initialise())
+    assert not bench.status().enabled
+    bench.close()
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="a test cannot press Ctrl-C there")

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fingerlab.diagnosis.fit.data import temperature
 from fingerlab.diagnosis.fit.solver import Fit
 from fingerlab.diagnosis.score.evidence import alike, beside_others, borne_out, judge
 from fingerlab.diagnosis.score.selection import justified, small_excess
@@ -132,3 +133,10 @@ def test_where_one_stood_for_two_the_verdict_names_what_does_best_beside_the_oth
     assert named(told, "angle_sensor_nonlinearity") > 0.9
     assert named(told, "stiffness_error") < 1e-100  # it is there in any case, and none of the answers
     assert told.probabilities.sum() == pytest.approx(stood_for.probabilities.sum())
+
+
+@pytest.mark.parametrize(("count", "runs", "alike"), [(56.0, 4, 4.0), (560.0, 4, 10.0), (5600.0, 4, 16.0)])
+def test_a_short_run_tells_as_much_as_it_has_strokes(count: float, runs: int, alike: float) -> None:
+    """A misfit of one floor: of values that go together so many count as one, plus one of noise."""
+    assert temperature(count, count, runs) == pytest.approx(1.0 + alike)
+    assert temperature(count, count) == pytest.approx(17.0)

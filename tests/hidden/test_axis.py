@@ -12,10 +12,11 @@ from fingerlab.diagnosis import diagnose
 from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.diagnosis.signals.scales import find_scales
 from fingerlab.effects import CATALOGUE
-from fingerlab.report.diagnosis_words import UNEXPLAINED, path_sentence
+from fingerlab.report.diagnosis_words import UNEXPLAINED, path_sentence, verdict_sentence
 from fingerlab.rig.file import Motor, Rig
 from fingerlab.sessions import open_session
 from fingerlab.sessions.model import Run, Session
+from tests.hidden.axis import robots
 from tests.hidden.axis.makers import MAKERS, imported
 from tests.hidden.axis.plant import Axis, drawn, session
 from tests.hidden.axis.regression import CUTOFF_HZ, baselines
@@ -123,6 +124,25 @@ def test_a_strangers_log_has_its_friction_named_in_two_commands(name: str, tmp_p
     machine = open_session(path)
     cutoff = CUTOFF_HZ / find_scales([machine]).time
     assert error_at_the_end(path) < 0.5 * min(baselines(machine, cutoff).values())
+
+
+def test_a_joint_of_an_arm_has_its_friction_named_and_then_the_weight_of_its_link(tmp_path: Path) -> None:
+    """Three sums of sines at 100 Hz; 1 N m, 0.5 N m at 1 rad/s, and 1.5 N m of gravity.
+
+    Once runs of a few strokes counted for a few values alone, and what is dry hid what is viscous.
+    """
+    joint = robots.MACHINES["wrist, 100 Hz"]
+    result = diagnosed(robots.imported(joint, tmp_path))
+    assert result.final_model == ("motor_coulomb_friction", "torque_ripple", "motor_viscous_friction")
+    assert result.path[-1].score < 2.0
+    found = result.final_parameters
+    weight = np.hypot(*(found[f"torque_ripple.{part}"].value for part in ("sine", "cosine")))
+    assert weight == pytest.approx(joint.weight, rel=0.05)
+    given = diagnosed(tmp_path / "axis.h5", ("motor_coulomb_friction",))
+    said = next(c.explanation for c in given.candidates if c.effect == "torque_ripple")
+    assert "the weight of a link" in said
+    assert result.floor_from == "state law"  # sums of sines without a whole cycle: nothing comes again
+    assert "No motion in these runs comes again" in verdict_sentence(result)
 
 
 def test_a_rotor_alone_lacks_nothing() -> None:

@@ -17,7 +17,7 @@ from fingerlab.effects import CATALOGUE
 from fingerlab.models.file import ParameterEstimate
 from fingerlab.physics import nominal
 from fingerlab.prediction.extended import ChosenEffect, ExtendedModel, Variant
-from fingerlab.report.equation import final_equation, fitted_finger, number, signed
+from fingerlab.report.equation import final_equation, fitted_finger, latex, signed
 from fingerlab.report.equation_text import (
     check_ending,
     equation_figures,
@@ -238,8 +238,8 @@ def test_a_shape_has_the_interval_that_the_diagnosis_gave_it() -> None:
     ],
 )
 def test_numbers_are_printed_with_the_digits_that_count(value: float, text: str) -> None:
-    assert number(value) == text
-    assert signed(value) == (f"- {number(-value)}" if value < 0 else f"+ {text}")
+    assert latex(value) == text
+    assert signed(value) == (f"- {latex(-value)}" if value < 0 else f"+ {text}")
 
 
 def test_a_file_that_is_neither_markdown_nor_latex_is_refused(tmp_path) -> None:

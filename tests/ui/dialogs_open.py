@@ -11,9 +11,11 @@ from PySide6.QtCore import QPoint
 from PySide6.QtGui import QAction, QContextMenuEvent, QCursor
 from PySide6.QtWidgets import (
     QApplication,
+    QComboBox,
     QFileDialog,
     QLineEdit,
     QPlainTextEdit,
+    QPushButton,
     QWidget,
 )
 
@@ -33,6 +35,7 @@ from fingerlab.ui.sessions.force_trial import TrialDialog
 from fingerlab.ui.sessions.import_dialog import ImportDialog
 from fingerlab.ui.widgets.plot_figure import paper_of
 
+from .hands import child
 from .invented import invented_trial
 from .lab.invented_law import invented_law
 from .standing_open import Stage, Step, Surface, standing
@@ -46,6 +49,11 @@ def _of(window: MainWindow, kind: type) -> Any:
 
 def _details(stage: Stage) -> None:
     stage.tab("acquire").panel.details.click()
+
+
+def _choose_folder(stage: Stage) -> None:
+    buttons = _of(stage.window, DetailsDialog).findChildren(QPushButton)
+    next(button for button in buttons if button.text() == "Choose…").click()
 
 
 def _own_effects(stage: Stage) -> None:
@@ -119,15 +127,10 @@ def _take_session(stage: Stage) -> None:
     dialog.accept()
 
 
-def _own_device(stage: Stage) -> None:
-    page: ConnectPage = stage.tab("acquire").connect_page
-    page._browse_own()
-
-
 def _saved_model(stage: Stage) -> None:
     page: ConnectPage = stage.tab("acquire").connect_page
     page.effect.setCurrentIndex(page.effect.findData(MODEL))
-    page._simulated_wanted()
+    page.simulated.click()
 
 
 def _first_plot(stage: Stage) -> QWidget:
@@ -199,7 +202,7 @@ DIALOGS = (
     Surface("Details of the session", (_details,), ("acquire/recording_control.py:DetailsDialog",)),
     Surface(
         "Details > Folder for recordings",
-        (_details, lambda s: _of(s.window, DetailsDialog)._choose()),
+        (_details, _choose_folder),
         ("acquire/recording_control.py:DetailsDialog._choose",),
     ),
     Surface(
@@ -227,7 +230,11 @@ DIALOGS = (
         (lambda s: _menu_entry(s.window, "Keep this motion").trigger(),),
         ("acquire/motion_form.py:MotionsButton._ask_name",),
     ),
-    Surface("Own device", (_own_device,), ("acquire/connect_page.py:ConnectPage._browse_own",)),
+    Surface(
+        "Own device",
+        (lambda s: s.tab("acquire").connect_page.own.click(),),
+        ("acquire/connect_page.py:ConnectPage._browse_own",),
+    ),
     Surface(
         "The bench of a saved model",
         (_saved_model,),
@@ -305,7 +312,7 @@ DIALOGS = (
     Surface("Import text files", (_import,), ("sessions/import_dialog.py:ImportDialog",), "sessions"),
     Surface(
         "Import text files > list of phases",
-        (_import, lambda s: _of(s.window, ImportDialog)._each[0][0].showPopup()),
+        (_import, lambda s: child(s.window, QComboBox, "importPhase0").showPopup()),
         (),
         "sessions",
     ),
@@ -442,7 +449,7 @@ DIALOGS = (
     Surface("Own effects", (_own_effects,), ("lab/own_effects.py:OwnEffects",), "model_lab"),
     Surface(
         "Own effects > Folder",
-        (_own_effects, lambda s: _of(s.window, OwnEffects)._choose()),
+        (_own_effects, lambda s: _of(s.window, OwnEffects).choose.click()),
         ("lab/own_effects.py:OwnEffects._choose",),
         "model_lab",
     ),

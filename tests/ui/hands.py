@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from PySide6.QtCore import QMimeData, QPoint, QPointF, Qt, QUrl
-from PySide6.QtGui import QDragEnterEvent, QDropEvent
+from PySide6.QtGui import QAction, QDragEnterEvent, QDropEvent
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication, QPushButton, QWidget
 from pytestqt.qtbot import QtBot
@@ -95,6 +95,13 @@ def child(window: QWidget, kind: type, name: str):  # type: ignore[no-untyped-de
     found = window.findChild(kind, name)
     assert found is not None, name
     return found
+
+
+def chosen_in_menu(window: QWidget, text: str) -> QAction:
+    """The entry of the window's menus that reads so."""
+    found = [one for one in window.findChildren(QAction) if one.text().replace("&", "") == text]
+    assert found, text
+    return found[0]
 
 
 def click(window: QWidget, name: str) -> None:

@@ -38,8 +38,9 @@ OPENING = (
     "QWizard",
     "QDialog",
     "QCompleter",
+    "ResultDialog",
 )
-"""Qt's classes for what stands open; lists and menus are found in the window."""
+"""Qt's classes for what stands open, and our own; lists and menus are found in the window."""
 
 WAYS = ("press", "Escape", "key")
 ANOTHER_PROGRAM = """
@@ -67,7 +68,8 @@ def _places(node: ast.AST, inside: str) -> Iterator[str]:
         name = inside
         if isinstance(child, (ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)):
             name = f"{inside}.{child.name}" if inside else child.name
-        if isinstance(child, ast.ClassDef) and any(_opens(base) for base in child.bases):
+        opens = isinstance(child, ast.ClassDef) and any(_opens(base) for base in child.bases)
+        if opens and name not in OPENING:
             yield name
         if isinstance(child, ast.Call) and _opens(child.func):
             yield name

@@ -261,7 +261,7 @@ class AcquirePanel(QWidget):
         self.contact = ActionButton(
             "Contact",
             "findContact",
-            "Wind until the fingertip presses the load cell; the motion's offset is then there.",
+            "Wind until the fingertip presses with the Force of By protocol; the offset is then there.",
             actions.contact,
         )
 

@@ -286,9 +286,16 @@ class AcquireTab(Tab):
             self._look_for_devices()
 
     def _initialise(self) -> None:
-        if take_typed(self.panel.initial.fields):
+        if self._wrong_angles():
             return
         self.controller.ask("Initialising", self.panel.initial.command())
+
+    def _wrong_angles(self) -> bool:
+        """Whether an angle to be set is none; its field lies in a menu that is shut, so it is told here."""
+        wrong = take_typed(self.panel.initial.fields)
+        if wrong:
+            self.context.tell(wrong)
+        return bool(wrong)
 
     def _toggle_enable(self) -> None:
         on = self.controller.mode in (Mode.ENABLED, Mode.RUNNING, Mode.STOPPING)
@@ -298,7 +305,15 @@ class AcquireTab(Tab):
         """Turn one way or the other, or hold; asked for again where a button was let go unseen."""
         self._jogging = way != 0
         self._lasts_s = None
-        self.controller.ask("Jogging", Jog(way * JOG_SPEED), doing="by hand")
+        if way:
+            self.controller.ask("Jogging", Jog(way * JOG_SPEED), doing="by hand")
+        else:
+            self.controller.do("Jogging", lambda bench: bench.ask(Jog(0.0)), failed=self._on_not_held)
+
+    def _on_not_held(self, failed: Failed) -> None:
+        """The button was let go of after STOP or a fault, whose own sentence stands there."""
+        if self.controller.driving:
+            self.context.tell(failed.sentence, failed.details)
 
     def _change_gains(self, gains: SetGains) -> None:
         self.controller.ask("Changing the gains", gains, done=self._mark_gains)
@@ -338,6 +353,8 @@ class AcquireTab(Tab):
         self.context.say(f"Motion forgotten: {path.stem}")
 
     def _take_up(self) -> None:
+        if self._wrong_angles():
+            return
         initial = self.panel.initial.command()
 
         def told(slack: float) -> None:
@@ -351,6 +368,8 @@ class AcquireTab(Tab):
         )
 
     def _find_contact(self) -> None:
+        if take_typed([self.panel.protocol.force]):
+            return
         force = self.panel.protocol.force.value()
 
         def told(angle: float) -> None:

@@ -16,7 +16,7 @@ from PySide6.QtCore import QObject, Signal
 from fingerlab.acquisition.bench.bench import Bench, Status
 from fingerlab.acquisition.control.machine import Initialise, SetUp
 from fingerlab.acquisition.control.trajectories import read_trajectory
-from fingerlab.acquisition.protocols.driver import ProtocolDriver
+from fingerlab.acquisition.protocols.driver import ProtocolDriver, refuse_impossible
 from fingerlab.acquisition.protocols.steps import Change, Record, Step, countdown
 from fingerlab.core.errors import UserError
 
@@ -113,6 +113,7 @@ class ProtocolRun(QObject):
                 self._run_errands(bench)
             except BaseException as error:
                 bench.stop()  # before anything else
+                self.completed = driver.completed
                 raise UserError(_kept(bench, str(error) or type(error).__name__)) from error
             return recording.writing.close(bench, info.path)
 
@@ -226,6 +227,9 @@ class ProtocolController(QObject):
             return
         try:
             steps = panel.protocol.steps(panel.motion.settings())
+            bench = self._recording.controller.bench
+            if bench is not None:
+                refuse_impossible(steps, bench.settings)
         except UserError as error:
             self._context.tell(str(error), traceback.format_exc())
             return

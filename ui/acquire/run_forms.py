@@ -300,7 +300,7 @@ class ProtocolForm(QWidget):
         title = key if key in NAMED else "feed-forward" if key == FORCE_TRIAL else self.which.currentText()
         if key == TABLE and self._table is not None:
             title = self._table.stem
-        return title if self.first.value() == 1 else f"{title}, from run {self.first.value()}"
+        return title if self._first_run == 1 else f"{title}, from run {self._first_run}"
 
     def steps(self, motion: Mapping[str, Any]) -> tuple[Step, ...]:
         """The steps, with the motion set by hand for the user's own protocols; ``planned`` is their trial.
@@ -309,7 +309,12 @@ class ProtocolForm(QWidget):
             UserError: the motion is impossible.
         """
         self.planned = None
-        return steps_from(self._all_steps(motion), self.first.value())
+        return steps_from(self._all_steps(motion), self._first_run)
+
+    @property
+    def _first_run(self) -> int:
+        """Of a force trial always the first: what it sends it learns from its own runs before."""
+        return 1 if self.which.currentData() == FORCE_TRIAL else self.first.value()
 
     def _all_steps(self, motion: Mapping[str, Any]) -> tuple[Step, ...]:
         from fingerlab.twin.protocols import PROTOCOLS, read_run_table

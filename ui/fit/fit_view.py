@@ -9,8 +9,6 @@ from typing import TYPE_CHECKING
 from PySide6.QtCore import QEvent, Qt, Signal
 from PySide6.QtWidgets import (
     QAbstractItemView,
-    QDialog,
-    QDialogButtonBox,
     QGridLayout,
     QHBoxLayout,
     QHeaderView,
@@ -29,7 +27,7 @@ from fingerlab.thesis.traces import JOINT_TITLES, JOINTS, Joint
 
 from ..app.worker import IsCancelled, Progress, Worker
 from ..widgets.fields import WholeField, progress_bar, set_usable
-from ..widgets.layout import FLUSH, Panes, Spacer, described, hbox, vbox
+from ..widgets.layout import FLUSH, Panes, ResultDialog, Spacer, described, hbox, vbox
 from ..widgets.tables import NumberTable, WholeLabel, remark
 from ..widgets.theme import colours_of, small_font
 from .fit_plots import REGION_COLOURS, PlanePlot, RunBars, SpeedPlot
@@ -55,14 +53,11 @@ def squared(text: str) -> str:
     return text.replace("R2", "R²")
 
 
-class ReplicateDialog(QDialog):
+class ReplicateDialog(ResultDialog):
     """What ``fingerlab replicate`` does. A seed draws the bench within its tolerances, and its noise."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
-        self.setObjectName("replicate")
-        self.setWindowTitle("The thesis' experiment again – FingerLab")
-        self.resize(WIDTH, HEIGHT)
+        super().__init__(parent, "replicate", "The thesis' experiment again", WIDTH, HEIGHT)
         self._worker = Worker(self)
         self.seed = self._field("replicateSeed", "Seed of the first bench", 0, 10**6, 1)
         self.benches = self._field("replicateBenches", "How many benches", 1, MOST_BENCHES, 1)
@@ -90,10 +85,8 @@ class ReplicateDialog(QDialog):
         benches.setBuddy(self.benches)
         fields = (seed, self.seed, 8, benches, self.benches, 8, self.run)
         row = hbox(None, *fields, (self.progress, 1), Spacer(0), spacing=8)
-        close = QDialogButtonBox(QDialogButtonBox.StandardButton.Close)
-        close.rejected.connect(self.reject)
         hint = remark("Some ten seconds a bench; the bench as it was built. Ctrl+C copies the table.")
-        vbox(self, row, self.words, (self.table, 1), hint, close, spacing=8)
+        self.lay_out(row, self.words, (self.table, 1), hint)
 
     def _run_or_stop(self) -> None:
         if self._worker.busy:

@@ -9,8 +9,6 @@ from PySide6.QtCore import Qt, Signal
 from PySide6.QtGui import QIcon
 from PySide6.QtWidgets import (
     QComboBox,
-    QDialog,
-    QDialogButtonBox,
     QHeaderView,
     QLabel,
     QListWidget,
@@ -27,7 +25,7 @@ from fingerlab.report.diagnosis_words import effect_title
 from fingerlab.report.page_tables import COMPARED_COLUMNS, compared_rows, judged_as_they_stand
 from fingerlab.thesis.prediction import FORCE_PHASES
 
-from ..widgets.layout import described, vbox
+from ..widgets.layout import ResultDialog, described
 from ..widgets.tables import FramedTicks, NumberTable, WholeLabel, heading, remark
 from ..widgets.theme import colours_of, small_font
 from .force_plots import ModelLine, ShownForces, model_line, sample
@@ -41,23 +39,18 @@ WIDTH, HEIGHT = 900, 360
 IN_THE_WINDOW = tuple((title.replace("R2", "R²"), help_text) for title, help_text in COMPARED_COLUMNS)
 
 
-class ModelsDialog(QDialog):
+class ModelsDialog(ResultDialog):
     """What ``fingerlab compare`` prints."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
-        self.setObjectName("comparedModels")
-        self.setWindowTitle("Models compared – FingerLab")
-        self.resize(WIDTH, HEIGHT)
+        super().__init__(parent, "comparedModels", "Models compared", WIDTH, HEIGHT)
         self.words = described(WholeLabel(), "comparedWords", font=small_font())
         self.table = NumberTable("comparedTable", "Models on runs left out", IN_THE_WINDOW, words=2)
-        close = QDialogButtonBox(QDialogButtonBox.StandardButton.Close)
-        close.rejected.connect(self.reject)
         hint = remark(
             "Every run is judged by values that have not seen it, in floors of the best model; Ctrl+C copies "
             "the table."
         )
-        vbox(self, self.words, (self.table, 1), hint, close, spacing=8)
+        self.lay_out(self.words, (self.table, 1), hint)
 
     def show_comparison(self, found: ModelComparison) -> None:
         """Show models that were compared."""

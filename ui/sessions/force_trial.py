@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QDialog, QDialogButtonBox, QWidget
+from PySide6.QtWidgets import QWidget
 
 from fingerlab.core.text import NEWTON, ScreenUnit
 from fingerlab.prediction.trial import Trial
@@ -16,7 +16,7 @@ from fingerlab.sessions.model import Array
 
 from ..app.context import ApplicationContext, read_session
 from ..app.worker import IsCancelled, Progress
-from ..widgets.layout import described, vbox
+from ..widgets.layout import ResultDialog, described
 from ..widgets.plots import QuietPlot, plain_curve, span_of
 from ..widgets.series import Series
 from ..widgets.tables import NumberTable, WholeLabel, remark
@@ -102,26 +102,19 @@ class TrialPlot(QuietPlot):
         return [Series(name, across, label, time, values) for name, _, _, time, values in self._curves()]
 
 
-class TrialDialog(QDialog):
+class TrialDialog(ResultDialog):
     """Sentences, the two plots, and the numbers."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
-        self.setObjectName("forceTrial")
-        self.setWindowTitle("Force trial – FingerLab")
-        self.resize(WIDTH, HEIGHT)
+        super().__init__(parent, "forceTrial", "Force trial", WIDTH, HEIGHT)
         self.headline = described(WholeLabel(), "trialHeadline", font=large_font())
         self.words = described(WholeLabel(), "trialWords", font=small_font())
         self.force = TrialPlot("trialForces", "Wanted and measured force of both models", missed=False)
         self.error = TrialPlot("trialErrors", "Measured less wanted force of both models", missed=True)
         self.hint = remark("Blue: nominal model; green: found model; dashed: wanted.")
         self.table = NumberTable("trialNumbers", "Force error of both models", COLUMNS)
-        close = QDialogButtonBox(QDialogButtonBox.StandardButton.Close)
-        close.rejected.connect(self.reject)
-        vbox(
-            self, self.headline, self.words, (self.force, 3), (self.error, 3), self.hint, self.table, close,
-            spacing=8,
-        )  # fmt: skip
+        plots = (self.force, 3), (self.error, 3)
+        self.lay_out(self.headline, self.words, *plots, self.hint, self.table)
 
     def show_trial(self, trial: Trial, name: str) -> None:
         """What a session's trial came to; ``name`` of its file."""

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QFontMetrics
-from PySide6.QtWidgets import QDialog, QDialogButtonBox, QHeaderView, QLabel, QTableWidgetItem, QWidget
+from PySide6.QtWidgets import QHeaderView, QLabel, QTableWidgetItem, QWidget
 
 from fingerlab.core.text import ScreenUnit, fixed, largest_of, screen_unit
 from fingerlab.report.comparison_words import (
@@ -21,7 +21,7 @@ from fingerlab.report.comparison_words import (
 from fingerlab.sessions.model import CHANNEL_UNITS, Array
 from fingerlab.signals.run_pairs import ChannelPair, RunPair, SessionPair
 
-from ..widgets.layout import described, vbox
+from ..widgets.layout import ResultDialog, described
 from ..widgets.plots import QuietPlot, plain_curve, span_of
 from ..widgets.series import Series
 from ..widgets.tables import NumberTable, WholeLabel, remark
@@ -93,14 +93,11 @@ class PairPlot(QuietPlot):
         return [Series(name, across, label, pair.axis, y) for name, y in curves]
 
 
-class PairsDialog(QDialog):
+class PairsDialog(ResultDialog):
     """A row for each pair of runs, a column for each channel; a click draws it."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
-        self.setObjectName("runPairs")
-        self.setWindowTitle("Compared run by run – FingerLab")
-        self.resize(PAIRS_WIDTH, PAIRS_HEIGHT)
+        super().__init__(parent, "runPairs", "Compared run by run", PAIRS_WIDTH, PAIRS_HEIGHT)
         self.words = described(WholeLabel(), "pairWords", font=small_font())
         self.table = NumberTable("pairTable", "Differences of runs of the same motion", ())
         self.table.setSelectionBehavior(NumberTable.SelectionBehavior.SelectItems)
@@ -112,16 +109,12 @@ class PairsDialog(QDialog):
         self.difference = PairPlot("pairDifference", "Second run less the first", difference=True)
         self._found: SessionPair | None = None
         self._channels: Sequence[str] = ()
-        close = QDialogButtonBox(QDialogButtonBox.StandardButton.Close)
-        close.rejected.connect(self.reject)
         hint = remark(
             "A number is the root mean square of the second less the first, and in brackets how many times "
             "the scatter of a cycle that is. A click draws it; Ctrl+C copies the table."
         )
-        vbox(
-            self, self.words, (self.table, 3), self.title, (self.curves, 3), (self.difference, 2), hint,
-            close, spacing=8,
-        )  # fmt: skip
+        plots = (self.curves, 3), (self.difference, 2)
+        self.lay_out(self.words, (self.table, 3), self.title, *plots, hint)
 
     def show_pair(self, found: SessionPair) -> None:
         """Show two sessions that were compared."""

@@ -10,7 +10,7 @@ import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import QPointF, Qt, Signal
 from PySide6.QtGui import QMouseEvent
-from PySide6.QtWidgets import QComboBox, QDialog, QDialogButtonBox, QLabel, QTabWidget, QWidget
+from PySide6.QtWidgets import QComboBox, QLabel, QTabWidget, QWidget
 
 from fingerlab.batch.benches import folders_of, shared_effects, two_groups
 from fingerlab.batch.changes import BenchChange, NumberCourse, beside, changes, courses
@@ -41,7 +41,7 @@ from fingerlab.report.time_words import (
 )
 from fingerlab.sessions.model import Array
 
-from ..widgets.layout import Spacer, described, hbox, vbox
+from ..widgets.layout import ResultDialog, Spacer, described, hbox, vbox
 from ..widgets.plots import QuietPlot, plain_curve, span_of
 from ..widgets.series import Series
 from ..widgets.tables import NumberTable, WholeLabel, heading, remark
@@ -271,16 +271,13 @@ class TrendPlot(QuietPlot):
             self.session_asked.emit(str(self._rows[nearest]["session"]))
 
 
-class TrendDialog(QDialog):
+class TrendDialog(ResultDialog):
     """Signal ``chosen(name)``: a session is to be marked in the table behind."""
 
     chosen = Signal(str)
 
     def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
-        self.setObjectName("trendDialog")
-        self.setWindowTitle("Trend over days – FingerLab")
-        self.resize(WIDTH, HEIGHT)
+        super().__init__(parent, "trendDialog", "Trend over days", WIDTH, HEIGHT)
         self.title = heading()
         self.words = described(WholeLabel(), "trendWords", font=small_font())
         self.table = NumberTable("trendTable", "Numbers of the bench over time", COLUMNS)
@@ -292,11 +289,6 @@ class TrendDialog(QDialog):
         self._trends: list[Trend] = []
         self._changes: dict[str, BenchChange] = {}
         self._courses: dict[str, NumberCourse] = {}
-        close = QDialogButtonBox(QDialogButtonBox.StandardButton.Close)
-        close.rejected.connect(self.reject)
-        close.button(QDialogButtonBox.StandardButton.Close).setAutoDefault(
-            False
-        )  # Enter compares two benches
         self.hint = remark(
             "Steady, a step, wear, settling, warming up and one session gone wrong are weighed against one "
             "another by their evidence, each number as one of many. Ctrl+C copies the table."
@@ -308,7 +300,7 @@ class TrendDialog(QDialog):
         self.pages = described(QTabWidget(), "trendPages")
         self.pages.addTab(self.over_time, "&Over time")
         self.pages.addTab(self.benches, "&Two benches")
-        vbox(self, self.title, self.pages, close, spacing=8)
+        self.lay_out(self.title, self.pages).setAutoDefault(False)  # Enter compares two benches
 
     def show_contents(self, contents: Contents, folder: Path) -> None:
         """Show the sessions of a batch's table."""

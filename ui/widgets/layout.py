@@ -1,4 +1,4 @@
-"""Where widgets stand: in columns and rows, rooms that scroll, panes with grips."""
+"""Where widgets stand: in columns and rows, rooms that scroll, panes with grips, dialogs."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ from PySide6.QtCore import QEvent, QObject, QPoint, QSize
 from PySide6.QtGui import QFont, QResizeEvent, Qt
 from PySide6.QtWidgets import (
     QBoxLayout,
+    QDialog,
+    QDialogButtonBox,
     QFrame,
     QHBoxLayout,
     QLayout,
@@ -261,3 +263,24 @@ class Panes(QSplitter):
         if len(kept) == self.count():
             self.setSizes(list(kept))
         self.splitterMoved.connect(lambda *_: settings.set_heights(self.objectName(), self.sizes()))
+
+
+class ResultDialog(QDialog):
+    """A window beside the main one that shows something, until its button or Escape shuts it.
+
+    Args:
+        title: in front of the program's name. width, height: px.
+    """
+
+    def __init__(self, parent: QWidget | None, name: str, title: str, width: int, height: int) -> None:
+        super().__init__(parent)
+        self.setObjectName(name)
+        self.setWindowTitle(f"{title} – FingerLab")
+        self.resize(width, height)
+
+    def lay_out(self, *items: Item) -> QPushButton:
+        """Items above one another, and below them the button that shuts it."""
+        buttons = QDialogButtonBox(QDialogButtonBox.StandardButton.Close)
+        buttons.rejected.connect(self.reject)
+        vbox(self, *items, buttons, spacing=8)
+        return buttons.button(QDialogButtonBox.StandardButton.Close)

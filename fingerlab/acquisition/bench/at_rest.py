@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from fingerlab.acquisition.bench.steering import LoopSettings
 from fingerlab.acquisition.control.machine import Initialise, MoveByHand, Tare, TryOutput
-from fingerlab.acquisition.control.plausibility import SENSORS, window_fault
+from fingerlab.acquisition.control.plausibility import SENSORS, lacking, window_fault
 from fingerlab.acquisition.control.safety import Reading
 from fingerlab.acquisition.control.units import Zeros
 from fingerlab.acquisition.status import Number, SharedStatus, Slot
@@ -102,8 +102,8 @@ class Averaging:
         """Take a sample; whether it was the last one."""
         for name in ("position", "mcp", "pip", "force", "current"):
             self._means[name].add(getattr(reading, name))
-        for k in self._sensors:
-            self._volts[k].add(reading.raw[k])
+        for k, volts in self._volts.items():
+            volts.add(reading.raw[k])
         self._waited += 1 + reading.lost
         if self._moving() and self._waited < self._longest:
             self._begin()
@@ -112,6 +112,9 @@ class Averaging:
     def finish(self, zeros: Zeros) -> str:
         """Set the references, or say why not."""
         units = self._settings.units
+        sentence = lacking([k for k in self._sensors if k != 3], units)  # that is asked for at enable
+        if sentence:
+            return sentence
         for k, volts in self._volts.items():
             sentence = window_fault(SENSORS[k], units.inputs[k], volts.value)
             if sentence:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
 
+from fingerlab.acquisition.bench.steering import LoopSettings
 from fingerlab.acquisition.control.machine import Command, Mode
 from fingerlab.acquisition.recording import RunInfo, SessionInfo, seconds_of_room
 from fingerlab.acquisition.ring import Ring
@@ -116,12 +117,14 @@ class Bench(ABC):
         ring: rows of :data:`fingerlab.acquisition.ring.COLUMNS`; take a ``reader`` of it to draw.
         board: counters and sentences; better ask :meth:`status`.
         recorder: begins and ends recordings.
+        settings: what its loop knows of the bench, its limits above all.
     """
 
     ring: Ring
     board: SharedStatus
     recorder: RecorderClient
     rate_hz: float
+    settings: LoopSettings
 
     @abstractmethod
     def ask(self, command: Command) -> None:

@@ -49,6 +49,7 @@ from fingerlab.acquisition.control.machine import (
 )
 from fingerlab.acquisition.control.plausibility import (
     SENSORS,
+    lacking,
     safety_checks,
     sensors_of,
     window_fault,
@@ -74,11 +75,6 @@ FAREWELL_S = 0.5
 """The loop goes on reading for this long after its window is lost, so that the stop is recorded (assumed)."""
 
 STOOD_STILL = "The control loop stood still; the motor was stopped in its place, connect the device again."
-
-NO_MONITOR = (
-    "The rig file names no terminal for [daq.current_monitor], and without one no motor is driven; "
-    "connect the amplifier's monitor."
-)
 
 SENSORS_S = 0.2
 """How often the sensors' volts are looked at while the amplifier is off."""
@@ -328,7 +324,7 @@ class ControlLoop:
         if refusal:
             return refusal
         if isinstance(command, Enable):
-            refusal = NO_MONITOR if self.settings.units.current is None else ""
+            refusal = lacking(self._sensors, self.settings.units)
             refusal = refusal or unguarded(self.settings, self._board)
             refusal = refusal or beyond_its_range(self._reader.reading.position, self.settings.limits)
             if refusal:
@@ -461,12 +457,14 @@ class ControlLoop:
         self._board[Slot.SET_AT] = self._reader.index + 1
         self._cable = command.cable != "none"
         self._in_contact = self._steering.in_contact = command.phase == "contact"
+        known = self.settings
         self._safety = safety_checks(
-            self.settings.limits,
+            known.limits,
             self.device.rate_hz,
-            self.settings.units,
+            known.units,
             command,
-            proves_drive=self.settings.proves_drive,
+            proves_drive=known.proves_drive,
+            most=known.current_share * known.limits.current if known.current_share < 1.0 else math.inf,
         )
         self._sensors = sensors_of(command)
         return ""

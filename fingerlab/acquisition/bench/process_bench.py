@@ -57,7 +57,7 @@ class InlineBench(Bench):
         Raises:
             UserError: the device cannot be opened.
         """
-        self.rate_hz = device.rate_hz
+        self.rate_hz, self.settings = device.rate_hz, settings
         self.ring = Ring.make(round(INLINE_RING_S * self.rate_hz), len(COLUMNS), shared=False)
         self.board = SharedStatus.make(shared=False)
         self.device = device
@@ -163,7 +163,7 @@ class ProcessBench(Bench):
         Raises:
             UserError: the device cannot be opened.
         """
-        self.rate_hz = rate_hz
+        self.rate_hz, self.settings = rate_hz, settings
         self.ring = Ring.make(round(RING_S * rate_hz), len(COLUMNS))
         self.board = SharedStatus.make()
         self._number = 0

@@ -76,6 +76,11 @@ def prepare(command: Command, settings: LoopSettings, cable: bool = True) -> Com
     Args:
         cable: whether a cable is on the pulley, whose tension may not rise too fast.
     """
+    if isinstance(command, Approach) and command.force > settings.limits.force:
+        return Refused(
+            f"The load cell is to be pressed with {command.force:g} N; the limit of the force is "
+            f"{settings.limits.force:g} N."
+        )
     if not isinstance(command, Start):
         return command
     try:

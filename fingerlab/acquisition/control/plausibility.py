@@ -102,6 +102,22 @@ def sensors_of(set_up: SetUp) -> tuple[int, ...]:
     return (*((0,) if set_up.phase == "contact" else ()), *finger, 3)
 
 
+SECTIONS = ("load_cell", "mcp", "pip", "current_monitor")
+"""Of the rig file's [daq], in the same order."""
+
+
+def lacking(sensors: Sequence[int], units: BenchUnits) -> str:
+    """The sentence on a sensor that is relied on and that the rig file does not name; empty for none."""
+    for k in sensors:
+        if units.inputs[k] is None:
+            without = "without one no motor is driven" if k == 3 else "what is on the bench needs one"
+            return (
+                f"The rig file names no terminal for [daq.{SECTIONS[k]}], and {without}; connect the "
+                f"{SENSORS[k]}."
+            )
+    return ""
+
+
 class Windows:
     """Volts outside of what a sensor that is well can give are no measurement."""
 
@@ -408,7 +424,13 @@ def _drifted(name: str, by: float) -> str:
 
 
 def safety_checks(
-    limits: Limits, rate_hz: float, units: BenchUnits, set_up: SetUp, *, proves_drive: bool = False
+    limits: Limits,
+    rate_hz: float,
+    units: BenchUnits,
+    set_up: SetUp,
+    *,
+    proves_drive: bool = False,
+    most: float = math.inf,
 ) -> Safety:
     """The checks for an experiment.
 
@@ -417,6 +439,7 @@ def safety_checks(
         set_up: what is on the bench. Without a cable there is no tension: what the motor's torque would make
             of it is then its own acceleration, which is limited by torque, current and speed.
         proves_drive: signs and gains of the drive are what is being found out, and not taken for granted.
+        most: A, what is sent at most to a bench that nobody has checked.
     """
 
     def samples(seconds: float) -> int:
@@ -446,7 +469,7 @@ def safety_checks(
             load_cell=force,
         ),
         *([] if proves_drive else [EncoderSense()]),
-        FollowingError(limits.following_error, samples(limits.following_time)),
+        FollowingError(limits.following_error, samples(limits.following_time), most),
         Late(limits.late_time, round(limits.late_cycles), period),
     ]
     slow: list[Slow] = [] if proves_drive else [CurrentAgrees()]

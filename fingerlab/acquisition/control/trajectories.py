@@ -442,6 +442,8 @@ def _number(
     settings: Mapping[str, Any], name: str, default: float | None, where: str, positive: bool = False
 ) -> float:
     value = settings.get(name, default)
+    if value is None:
+        raise UserError(f"{where} lacks {name!r}, a number.")
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
         raise UserError(f"{where} has {name!r} = {value!r}; it should be a finite number.")
     if positive and value <= 0:

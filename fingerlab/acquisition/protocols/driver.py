@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from fingerlab.acquisition.bench.bench import Bench
+from fingerlab.acquisition.bench.steering import LoopSettings, Refused, prepare
 from fingerlab.acquisition.control.machine import (
     Approach,
     Command,
@@ -23,6 +24,7 @@ from fingerlab.acquisition.control.machine import (
     Tare,
 )
 from fingerlab.acquisition.control.motion import STOP_S
+from fingerlab.acquisition.control.plausibility import lacking, sensors_of
 from fingerlab.acquisition.control.trajectories import read_trajectory
 from fingerlab.acquisition.protocols.steps import (
     APPROACH_LIMIT,
@@ -183,6 +185,43 @@ def _position(bench: Bench) -> float:
     return float(bench.ring.last(1)[0, COLUMN["motor_position"]])
 
 
+def refuse_impossible(steps: Sequence[Step], settings: LoopSettings) -> None:
+    """Look through a whole protocol before its first run: the loop itself looks at a run when that begins.
+
+    Where the contact is found on the way, a run is looked at about the middle of the motor's range.
+
+    Raises:
+        UserError: the bench lacks a sensor, a run or a contact force is beyond its limits, or torques are to
+            be found for one that nobody has checked.
+    """
+    limits = settings.limits
+    for set_up in (step.set_up for step in steps if isinstance(step, Change)):
+        sentence = lacking(sensors_of(set_up), settings.units)
+        if sentence:
+            raise UserError(sentence)
+    if settings.current_share < 1.0 and any(isinstance(step, WorkOut) for step in steps):
+        raise UserError(
+            "The torques of a force trial are those of the rig's whole current, of which a bench that was "
+            f"not checked gets {settings.current_share:.0%}; confirm it with check-rig first."
+        )
+    middle = math.degrees(0.5 * (limits.position_low + limits.position_high))
+    seen: list[tuple[Mapping[str, Any], str]] = []
+    for step in steps:
+        command: Command
+        if isinstance(step, Find):
+            command, where = Approach(step.force, APPROACH_SPEED, APPROACH_LIMIT), ""
+        elif isinstance(step, Record) and step.later is None and (step.trajectory, step.cable) not in seen:
+            seen.append((step.trajectory, step.cable))
+            about = step.phase == "contact" and goes_about_contact(step.trajectory)
+            command = Start({**step.trajectory, **({"offset_deg": middle} if about else {})})
+            where = f"Run {step.number} of {step.count}: "
+        else:
+            continue
+        prepared = prepare(command, settings, isinstance(step, Find) or step.cable != "none")
+        if isinstance(prepared, Refused):
+            raise UserError(where + prepared.sentence)
+
+
 class ProtocolDriver:
     """Takes the steps on a bench whose recorder has a session open.
 
@@ -267,8 +306,11 @@ class ProtocolDriver:
             if self.bench.status().mode in (Mode.RUNNING, Mode.STOPPING):  # ended early
                 self._wait_for_rest()
             self._off()
-        except BaseException:
+        except BaseException as error:
+            before = self.bench.status()
             self.bench.stop()
+            if isinstance(error, UserError) and before.mode is Mode.FAULT and before.fault:
+                raise UserError(before.fault) from error  # not that nothing may be begun in a fault
             raise
 
     def _take(self, step: Step) -> None:

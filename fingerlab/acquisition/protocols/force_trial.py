@@ -137,7 +137,7 @@ class ForceTrial:
         told = self.settings
         self._where = str(told.model_file)
         self.model = extended_model(load_model(told.model_file), self._where)
-        self.wanted = wanted_force(told.wanted, "--wanted")
+        self.wanted = wanted_force(told.wanted)
         if self.wanted.time[-1] > LONGEST_S:
             raise UserError(
                 f"The wanted force lasts {self.wanted.time[-1]:.3g} s; a feed-forward that is learned from "

@@ -320,6 +320,9 @@ def _in_sentence(fitted: FittedModel, names: Sequence[str]) -> str:
 def _said(fitted: FittedModel, effect: Effect) -> str:
     """The effect's sentence; a motor bench has no joints to speak of."""
     on_bench = all(f.row == Row.BENCH for f in fitted.model.layout.features)
+    if on_bench and effect.of_an_axis is not None:
+        shape = next(c.shape for c in fitted.choices if c.effect is effect)
+        return effect.of_an_axis(effect.shapes[shape])
     return effect.explanation.replace(BOTH_JOINTS, ON_BENCH) if on_bench else effect.explanation
 
 

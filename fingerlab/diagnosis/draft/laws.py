@@ -15,7 +15,6 @@ from fingerlab.diagnosis.answer.curves import Display
 from fingerlab.diagnosis.answer.results import Fingerprint
 from fingerlab.diagnosis.draft.search import Draft, Law, draft
 from fingerlab.diagnosis.draft.terms import ANGLE, PAIRED, PLACES, DraftTerm
-from fingerlab.diagnosis.fit.data import temperature
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.settings import DRAFT_LEAST, DRAFT_LEAST_SHARE, Z90
@@ -201,7 +200,7 @@ def _told(found: Draft, law: Law) -> DraftLaw:
 
 def _term(law: Law, term: DraftTerm) -> LawTerm:
     fitted, scales = law.fitted, law.fitted.model.layout.scales
-    spread = fitted.fit.deviations_at(temperature(fitted.misfit, fitted.count))
+    spread = fitted.fit.deviations_at(fitted.heat())
     coefficients, reduced = {}, {}
     for gain, unit in zip(term.gains, term.units, strict=True):
         place = fitted.model.index[f"{term.id}.{gain}"]

@@ -33,6 +33,8 @@ from fingerlab.diagnosis.settings import (
     MOST_FOLD_BYTES,
     SET_DOWN_N,
     SLACK_SPREAD_M,
+    STROKE_VALUES,
+    VALUES_OF_A_MOTION,
     WANDER,
 )
 from fingerlab.diagnosis.signals.conditions import GroupKey
@@ -322,12 +324,19 @@ def feature_weights(weights: Array, rows: IntArray) -> Array:
     return weights.take(rows, axis=0).take(rows, axis=1)
 
 
-def temperature(misfit: float, count: float) -> float:
+def temperature(misfit: float, count: float, runs: int = 0) -> float:
     """How much less than its face value a misfit of ``count`` independent values weighs.
 
-    What no model explains is systematic and stays the same for a while.
+    What no model explains is systematic and stays the same for a while; in short runs for no longer than
+    a motion has different values.
+
+    Args:
+        runs: that the values are of; 0: long ones.
     """
-    return 1.0 + CORRELATED_VALUES * max(misfit, 0.0) / max(count, 1.0)
+    alike = CORRELATED_VALUES
+    if runs:
+        alike = float(np.clip(count / (runs * VALUES_OF_A_MOTION), STROKE_VALUES, CORRELATED_VALUES))
+    return 1.0 + alike * max(misfit, 0.0) / max(count, 1.0)
 
 
 def own_to_a_run(model: Model, values: Array, told: Array, group: Group, condition: int = 0) -> Array:

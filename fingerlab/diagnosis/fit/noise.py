@@ -127,12 +127,15 @@ def fill_missing_noise(reduced: Reduced) -> None:
                 _give([g for g in alike if g.in_contact == phase], pooled, samples)
         elif on_bench and alike:
             variance = torque_noise(reduced)
-            if variance == 0.0:
+            bounded = variance == 0.0
+            if bounded:
                 found = [left_out_covariance(g.state_products) for g in alike]
                 variance = max((float(one[0, 0]) for one in found if one is not None), default=0.0)
             signal = _signal(reduced.layout, Row.BENCH, None)
             noise = np.zeros((reduced.layout.signal_count,) * 2)
             noise[signal, signal] = variance
+            for group in alike if variance > 0 else []:
+                group.bounded = bounded
             _give(alike if variance > 0 else [], noise, 1.0)
 
 

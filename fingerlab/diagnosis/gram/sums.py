@@ -415,6 +415,8 @@ class Group:
     """Of each run where no motion comes again: see ``state_law``."""
     cycles: dict[Hashable, list[Cycle]] = field(default_factory=dict)
     """Of runs that were told the same motion, by motion and stretch."""
+    bounded: bool = False
+    """Whether its noise is what no law of the state tells, since no motion comes again: a bound."""
 
     def __post_init__(self) -> None:
         self.dealt = self.dealt or [Fold(0, k) for k in range(len(self.folds))]
@@ -516,6 +518,6 @@ class Reduced:
     @property
     def floor_from(self) -> FloorFrom:
         """What the floor rests on, as ``cli.md`` has it; that of runs holds what their cycles tell, too."""
-        if not all(group.repeats for group in self.groups):
+        if not all(group.repeats and not group.bounded for group in self.groups):
             return "state law"
         return "runs" if any(group.repeated_cycles for group in self.groups) else "cycles"

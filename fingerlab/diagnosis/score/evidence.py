@@ -21,7 +21,6 @@ from fingerlab.diagnosis.score.selection import (
     least_explained,
     log_odds_among,
     much_left,
-    temperature,
 )
 from fingerlab.diagnosis.settings import (
     AS_LIKELY,
@@ -116,7 +115,7 @@ def judge(base: FittedModel, candidates: Sequence[FittedModel]) -> Evidence:
     """
     zero, count = max(base.misfit, 0.0), base.count
     charged = np.array([t.misfit + charge(base, t) for t in candidates])
-    heat = temperature(min((t.misfit for t in candidates), default=zero), count)
+    heat = base.heat(min((t.misfit for t in candidates), default=zero))
     in_contact = contact_charge(base, candidates[int(np.argmin(charged))]) if len(candidates) else 0.0
     tolerated = zero - least_explained(base, zero, count, in_contact)
     effects = -0.5 * charged / heat + np.log(PRIOR_EFFECTS / max(len(candidates), 1))
@@ -143,12 +142,6 @@ def shares_of(log_odds: Array) -> Array:
     """Probability of each effect if one of them is missing, (candidates,)."""
     shares = np.exp(log_odds)
     return np.asarray(shares / max(float(shares.sum()), 1.0))
-
-
-def against_nothing(base: FittedModel, misfit: float, left: float, count: float) -> float:
-    """Log odds of one of many effects against none, by the misfit without it and with it."""
-    fall = misfit - least_explained(base, misfit, count) - left
-    return 0.5 * fall / temperature(left, count) + float(np.log(PRIOR_EFFECTS / PRIOR_NOTHING))
 
 
 def distrusted(evidence: Evidence) -> Evidence:
@@ -189,8 +182,8 @@ def begun_by(evidence: Evidence, path: Sequence[FittedModel]) -> Evidence:
 
     Which is first depends on the others, which single effects do not have beside them.
     """
-    first, last, count = path[1].last_effect.id, path[-1], max(path[-1].count, 1.0)
-    heat = temperature(last.misfit, count)
+    first, last = path[1].last_effect.id, path[-1]
+    heat = last.heat()
     share = np.log(PRIOR_EFFECTS / max(len(evidence.candidates), 1)) - DECIDING_LOG_ODDS
     effects = -0.5 * max(last.misfit, 0.0) / heat + (len(path) - 1) * share
     zero = max(path[0].misfit, 0.0)

@@ -116,6 +116,7 @@ class FittedModel:
         residuals: mean products of the equations' residuals for each group, (5, 5) over ``Row``, noise
             included; empty where it was not asked for.
         folds: the same fold by fold for each group, beside its misfit; empty where it was not asked for.
+        runs: that it was scored on; at most as many as there are folds.
         widening: what it costs in twice the log density that sticking friction may hold any value at rest.
         prior_penalty: what the constants of the joints' equations cost in twice the log density.
         sensitivity: what the last effect would do; empty where it was not asked for.
@@ -131,6 +132,7 @@ class FittedModel:
     in_sample: Array = field(default_factory=lambda: np.zeros((0, 2)))
     residuals: Mapping[GroupKey, Array] = field(default_factory=dict)
     folds: Mapping[GroupKey, FoldErrors] = field(default_factory=dict)
+    runs: int = 0
     widening: float = 0.0
     prior_penalty: float = 0.0
     sensitivity: Sensitivity = NO_SENSITIVITY
@@ -183,6 +185,10 @@ class FittedModel:
     def count(self) -> float:
         """Independent values behind ``misfit``."""
         return float(self.misfits[:, 1].sum())
+
+    def heat(self, misfit: float | None = None) -> float:
+        """The :func:`temperature` of its misfit, or of another one of the same runs."""
+        return temperature(self.misfit if misfit is None else misfit, self.count, self.runs)
 
     @property
     def score(self) -> float:

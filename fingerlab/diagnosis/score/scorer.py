@@ -304,6 +304,7 @@ class Scorer:
             in_sample=in_sample,
             in_contact=np.array([g.in_contact for g in self.reduced.groups for _ in g.conditions]),
             held_out=held_out,
+            runs=sum(len(g.dealt) for g in self.reduced.groups),
             widening=fitter.widening,
             prior_penalty=self._prior_penalty(fitted),
             paired=self._paired(fitted),

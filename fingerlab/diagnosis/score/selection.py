@@ -16,7 +16,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from fingerlab.diagnosis.equations.features import BoolArray
-from fingerlab.diagnosis.fit.data import temperature
 from fingerlab.diagnosis.score.fitted_model import FittedModel, paired_log_odds
 from fingerlab.diagnosis.settings import (
     CONTACT_CHARGE,
@@ -50,7 +49,7 @@ def justified(base: FittedModel, fitted: FittedModel, level: float = 0.0, reach:
     fall = base.misfit - fitted.misfit - level
     explained = min(fall, fall + level) if base.choices else fall
     explained = min(explained, max(base.misfit, reach, 0.0))  # what lies below the floor is no misfit
-    heat = temperature(fitted.misfit, fitted.count)
+    heat = fitted.heat()
     in_contact = contact_charge(base, fitted)
     likely = 0.5 * (fall - charge(base, fitted) - in_contact * fitted.count) / heat > DECIDING_LOG_ODDS
     return bool(likely and explained > least_explained(base, base.misfit, base.count, in_contact))

@@ -180,6 +180,7 @@ def _motion(
         joints=joints,
         force=force,
         load=load,
+        linear=isinstance(rig.extra.get("axis"), Mapping),
         lead=behind,
         position_step=_smallest_step(samples["motor_position"][lead:]),
         inertia_spread=_inertia_spread(rig),

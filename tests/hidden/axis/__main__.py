@@ -20,9 +20,11 @@ from fingerlab.diagnosis.signals.scales import find_scales
 from fingerlab.effects import CATALOGUE
 from fingerlab.sessions import open_session
 from fingerlab.sessions.model import Session
+from tests.hidden.axis import robots
 from tests.hidden.axis.makers import MAKERS, Maker, imported
 from tests.hidden.axis.plant import LAWS, TRUTH, drawn, session
 from tests.hidden.axis.regression import CUTOFF_HZ, baselines
+from tests.hidden.axis.robots import Joint
 
 FOUND_BY_MAKERS = {
     "cable-tool": "Coulomb-like friction of a cable-driven tool",
@@ -107,22 +109,27 @@ def makers_table(jobs: int) -> list[str]:
         "| torque error over the regression's | score before, after |",
         "|---|---|---|---|---|---:|---:|",
     ]
-    every = Parallel(n_jobs=jobs)(delayed(_made)(maker) for maker in MAKERS.values())
-    for (name, maker), told in zip(MAKERS.items(), every, strict=True):
+    machines: dict[str, Maker | Joint] = {**MAKERS, **robots.MACHINES}
+    every = Parallel(n_jobs=jobs)(delayed(_made)(machine) for machine in machines.values())
+    for (name, machine), told in zip(machines.items(), every, strict=True):
         click.echo(line_of(name, told))
-        first = bool(told.path) and any(told.path[0] in one for one in maker.truth)
-        whole = all(one & set(told.path) for one in maker.truth)
+        missed = not machine.truth and not told.path
+        first = missed or (bool(told.path) and any(told.path[0] in one for one in machine.truth))
+        whole = all(one & set(told.path) for one in machine.truth)
         ratio = told.errors[1] / min(told.measure.values())
         lines.append(
-            f"| {name} | {maker.inside} | {'yes' if first else 'no'} | {'yes' if whole else 'no'} "
+            f"| {name} | {machine.inside or 'nothing'} | {'yes' if first else 'no'} "
+            f"| {'yes' if whole else 'no'} "
             f"| {_titles(told.path)} | {ratio:.2f} | {told.scores[0]:.1f}, {told.scores[1]:.2f} |"
         )
     return lines
 
 
-def _made(maker: Maker) -> Told:
+def _made(machine: Maker | Joint) -> Told:
     with threadpool_limits(limits=1, user_api="blas"), TemporaryDirectory() as folder:
-        return tell(open_session(imported(maker, Path(folder))))
+        if isinstance(machine, Joint):
+            return tell(open_session(robots.imported(machine, Path(folder))))
+        return tell(open_session(imported(machine, Path(folder))))
 
 
 def _one(law: str, seed: int) -> tuple[str, Told | None]:

@@ -293,11 +293,35 @@ def test_a_jog_turns_while_its_button_is_held_and_holds_the_place_afterwards(rig
     assert position(rig) == pytest.approx(0.0, abs=5.0)  # without current the springs take it
 
 
+def test_who_lets_go_of_a_jog_after_a_fault_still_reads_the_fault(rig: Rig) -> None:
+    rig.enable()
+    forth = rig.button("jogForth")
+    QTest.mousePress(forth, LEFT)
+    rig.run(12.0)  # until a joint is beyond its limit
+    assert rig.mode is Mode.FAULT
+    said = rig.label("message")
+    assert "beyond its limit" in said
+    QTest.mouseRelease(forth, LEFT)
+    rig.run(0.2)
+    assert rig.label("message") == said
+
+
+@pytest.mark.qt_log_ignore("This plugin does not support")  # a menu, on a screen that is none
 def test_slack_is_taken_up_and_the_contact_found_by_a_button(rig: Rig) -> None:
     assert "initialising" in rig.button("takeUp").toolTip()
     rig.choose("phase", "contact")
     rig.click("initialise")
     rig.run(1.0)
+    menu, pulley = rig.tab.panel.initial.menu(), rig.tab.panel.initial.position
+    menu.popup(rig.window.mapToGlobal(rig.window.rect().center()))
+    pulley.selectAll()
+    QTest.keyClicks(pulley, "1o")
+    menu.close()
+    rig.click("takeUp")  # nothing moves by a number that nobody typed
+    assert "'1o' is no number" in rig.label("message")
+    assert not rig.controller.worker.busy
+    assert rig.mode is Mode.INITIALISED
+    pulley.setValue(0.0)
     rig.click("takeUp")
     rig.wait_idle()
     rig.run(0.2)
@@ -307,6 +331,22 @@ def test_slack_is_taken_up_and_the_contact_found_by_a_button(rig: Rig) -> None:
     rig.run(1.0)
     rig.click("enable")
     rig.run(0.2)
+    rig.click("byProtocol")
+    enter(rig, "contactForce", "170")
+    rig.click("byHand")
+    rig.click("findContact")
+    assert "Contact force: 170 is more than it takes" in rig.label("message")
+    assert rig.mode is Mode.ENABLED
+    rig.click("byProtocol")
+    enter(rig, "contactForce", "12")
+    rig.click("byHand")
+    rig.click("findContact")
+    rig.wait_idle()
+    assert rig.label("message") == "The load cell is to be pressed with 12 N; the limit of the force is 10 N."
+    assert rig.mode is Mode.ENABLED
+    rig.click("byProtocol")
+    enter(rig, "contactForce", "0.8")
+    rig.click("byHand")
     rig.click("findContact")
     rig.wait_idle()
     offset = child(rig.window, QDoubleSpinBox, "offset").value()

@@ -226,6 +226,37 @@ def test_a_table_of_runs_is_chosen_and_a_wrong_one_says_why(
     rig.click("runProtocol")
     assert "wobble" in rig.label("message")
     assert not rig.recording.in_protocol
+    path.write_text("kind,amplitude_deg,offset_deg,duration_s\nsine,5 170,20,4\n", encoding="utf-8")
+    rig.click("runProtocol")  # not after the first run, which could have taken hours
+    assert rig.label("message").startswith("Run 2 of 2: The trajectory goes from -150° to 190°")
+    assert not rig.recording.in_protocol
+    assert not rig.files()
+
+
+def test_a_protocol_stopped_between_two_runs_goes_on_with_the_second(
+    rig: Rig, qtbot: QtBot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """At a change of the cable the run before is whole."""
+    path = tmp_path / "runs.csv"
+    path.write_text(
+        "phase,kind,amplitude_deg,offset_deg,duration_s\non_air,sine,5,20,1\ncontact,sine,2,,1\n",
+        encoding="utf-8",
+    )
+    monkeypatch.setattr(QFileDialog, "getOpenFileName", staticmethod(lambda *_: (str(path), "")))
+    rig.click("byProtocol")
+    rig.choose("protocol", "table")
+    rig.click("runTable")
+    run_protocol(rig, qtbot, "table")
+    prompt, asked = rig.tab.prompt, rig.label("prompt")
+    QTest.mouseClick(prompt.button, LEFT)
+    qtbot.waitUntil(lambda: prompt.isVisible() and rig.label("prompt") != asked, timeout=PATIENCE)
+    rig.key(Qt.Key.Key_Escape)
+    qtbot.waitUntil(lambda: not rig.recording.in_protocol, timeout=PATIENCE)
+    rig.wait_idle()
+    assert rig.tab.panel.protocol.first.value() == 2
+    assert rig.tab.panel.left.text() == "Given up in run 2"
+    (run,) = open_session(rig.files()[0]).runs
+    assert run.attributes["ended"] == "clean"
 
 
 def test_gains_are_changed_while_it_runs_and_marked(rig: Rig) -> None:

@@ -129,20 +129,23 @@ def test_a_card_has_a_tenth_of_its_current_until_its_check_is_kept(
         rig.run(2.5)
         ring = rig.bench.ring
         most = np.abs(ring.copy(0, ring.written)[1][:, COLUMN["current_command"]]).max()
+        said.append(rig.label("message"))
         rig.click("record")
         rig.run(0.3)
         rig.click("record")
         rig.run(0.1)
-        said = open_session(rig.write()).attributes["check_rig"]
+        kept = open_session(rig.write()).attributes["check_rig"]
         rig.tab.disconnect_rig()
         rig.wait_idle()
-        told.append(str(said))
+        told.append(str(kept))
         return float(most)
 
     told: list[str] = []
+    said: list[str] = []
     limit = default_rig().limits.current
     assert driven() <= 0.1 * limit
     assert told == ["never checked"]
+    assert "the current stays below 0.3 A until a check confirms the bench" in said[0]
     allowed = f"the current stays below {0.1 * limit:.2g} A, a tenth of its limit"
     assert any(allowed in line for line in rig.window.context.log), rig.window.context.log
     rig.click("checkRig")

@@ -128,6 +128,16 @@ def test_stop_while_the_torque_is_shown_and_what_a_session_without_a_trial_says(
     assert bench.tab.plots.isVisible()
     assert [run.attributes["force_model"] for run in open_session(bench.files()[0]).runs] == ["pose"]
     assert not shown(bench)
+    bench.run(0.2)
+    bench.click("release")
+    bench.settle()
+    assert rig_words(bench).startswith("8 runs")  # from its first: what it sends it learns from those before
+    bench.click("runProtocol")
+    answer(bench, qtbot)
+    qtbot.waitUntil(lambda: torques.isVisible() and prompt.isVisible(), timeout=PATIENCE)
+    bench.key(Qt.Key.Key_Escape)
+    qtbot.waitUntil(lambda: not bench.recording.in_protocol, timeout=PATIENCE)
+    bench.wait_idle()
     tab = bench.window.tab("sessions")
     assert isinstance(tab, SessionsTab)
     bench.window.show_tab("sessions")

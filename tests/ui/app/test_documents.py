@@ -32,7 +32,8 @@ def help_entry(window: MainWindow, words: str) -> None:
 
 
 def pages_shown(dialog: Documents) -> list[str]:
-    items = [i for i in dialog._items() if i.data(0, Qt.ItemDataRole.UserRole) and not i.isHidden()]
+    every = dialog.contents.findItems("", Qt.MatchFlag.MatchContains | Qt.MatchFlag.MatchRecursive)
+    items = [i for i in every if i.data(0, Qt.ItemDataRole.UserRole) and not i.isHidden()]
     return [i.data(0, Qt.ItemDataRole.UserRole) for i in items]
 
 

@@ -113,14 +113,15 @@ def test_heights_that_make_no_sense_are_ignored(window: QWidget, tmp_path: Path)
         assert shown_panes(window, Settings(store), (300, 100)).sizes() == [300, 100], value
 
 
-def test_the_place_is_kept_without_a_clean_end(qtbot: QtBot, settings: Settings) -> None:
-    window = QWidget()
+def test_the_place_is_kept_without_a_clean_end(qtbot: QtBot, tmp_path: Path) -> None:
+    store = QSettings(str(tmp_path / "place.ini"), QSettings.Format.IniFormat)
+    window, settings = QWidget(), Settings(store)
     qtbot.addWidget(window)
     window.resize(700, 500)
     keeper = PlaceKeeper(window, settings)
     window.show()
     window.resize(640, 420)
-    qtbot.waitUntil(lambda: bool(settings._store.value("geometry")))
+    qtbot.waitUntil(lambda: bool(store.value("geometry")))
     keeper.keep()
     again = QWidget()
     qtbot.addWidget(again)

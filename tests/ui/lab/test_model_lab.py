@@ -23,7 +23,18 @@ from fingerlab.ui.app.window import MainWindow
 from fingerlab.ui.widgets.tables import ElidedLabel
 
 from .. import invented
-from ..hands import LEFT, PATIENCE, Held, child, click, drop, invented_diagnosis, lab_of, wait_for_result
+from ..hands import (
+    LEFT,
+    PATIENCE,
+    Held,
+    child,
+    chosen_in_menu,
+    click,
+    drop,
+    invented_diagnosis,
+    lab_of,
+    wait_for_result,
+)
 from ..looking import look
 from ..saving import save_each_plot
 
@@ -227,9 +238,16 @@ def test_a_wrong_file_is_one_sentence_and_what_was_open_stays(
     assert "Traceback" in copied
 
 
-def test_cancel_in_the_middle_of_a_refit_leaves_the_model_as_it_was(qtbot: QtBot, opened: MainWindow) -> None:
+def test_cancel_in_the_middle_of_a_refit_leaves_the_model_as_it_was(
+    qtbot: QtBot,
+    make_window,  # type: ignore[no-untyped-def]
+    session_file: Path,
+) -> None:
     held = Held()
-    lab_of(opened).controller._diagnose = held
+    in_turn = iter((invented_diagnosis, held))
+    opened = make_window(diagnose=lambda *given, **more: next(in_turn)(*given, **more))
+    drop(opened, session_file)
+    wait_for_result(qtbot, opened)
     click(opened, "addToModel")
     qtbot.waitUntil(held.running.is_set, timeout=PATIENCE)
     assert not child(opened, QPushButton, "addToModel").isEnabled()
@@ -358,10 +376,10 @@ def test_the_sheet_of_keys_has_those_of_every_tab(opened: MainWindow) -> None:
 
 def test_dark_and_light_recolour_what_is_drawn(opened: MainWindow, qapp: QApplication) -> None:
     plot = lab_of(opened).view.plot
-    opened._set_appearance("dark")
+    chosen_in_menu(opened, "Dark").trigger()
     assert plot.measured.opts["pen"].color().name() == "#ececec"
     assert plot.backgroundBrush().color().name() == "#141517"
-    opened._set_appearance("light")
+    chosen_in_menu(opened, "Light").trigger()
     assert plot.measured.opts["pen"].color().name() == "#1b1b1b"
     assert plot.modelled.opts["pen"].color().name() == "#0072b2"
     assert plot.modelled.opts["pen"].style() == Qt.PenStyle.DashLine

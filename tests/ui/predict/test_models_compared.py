@@ -5,8 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from PySide6.QtGui import QAction
-from PySide6.QtWidgets import QLabel, QPushButton, QTableWidget, QWidget
+from PySide6.QtWidgets import QLabel, QPushButton, QTableWidget
 from pytestqt.qtbot import QtBot
 
 from fingerlab.models.file import save_model
@@ -21,17 +20,10 @@ from fingerlab.ui.fit.fit_view import ReplicateDialog
 from fingerlab.ui.predict.force_panel import ModelsDialog
 from fingerlab.ui.predict.predict_tab import PredictTab
 
-from ..hands import child, click
+from ..hands import child, chosen_in_menu, click
 
 PATIENCE = 120_000
 pytestmark = pytest.mark.qt_log_ignore("This plugin does not support")
-
-
-def chosen_in_menu(window: QWidget, text: str) -> QAction:
-    """The entry of the window's menus that reads so."""
-    found = [one for one in window.findChildren(QAction) if one.text().replace("&", "") == text]
-    assert found, text
-    return found[0]
 
 
 def cells(table: QTableWidget) -> list[list[str]]:
