@@ -255,8 +255,10 @@ SETTLING_ITERATIONS = 4
 HOLDING_ROUNDS = 12
 """Times that a fit is taken up again, at most, because what its values leave of the runs holds these
 otherwise; two to five are enough on the bench as built, ten where one run of five is far off."""
-HELD_SETTLED = 0.02
-"""Share by which how firmly they are held may still change: the cost then does by some per mille."""
+HELD_SETTLED = 0.05
+"""Share by which how firmly they are held may still change: the cost then does by less than a hundredth."""
+SWEEPS = 50
+"""Turns in which the parts of a run are moved within their bounds, at most; half a dozen are enough."""
 LEAST_GAIN = 1e-3
 """A step that lowers the cost by less than this is the last; the cost is twice a log probability."""
 LEAST_GAIN_SHARE = 1e-6

@@ -12,9 +12,8 @@ from functools import cached_property
 import numpy as np
 
 from fingerlab.diagnosis.equations.features import IntArray
-from fingerlab.diagnosis.fit.bounded_step import bounded_step
 from fingerlab.diagnosis.fit.data import Weighted
-from fingerlab.diagnosis.settings import MOST_WANDER
+from fingerlab.diagnosis.settings import MOST_WANDER, SWEEPS
 from fingerlab.sessions.model import Array
 
 
@@ -46,6 +45,11 @@ class Own:
     def inverse(self) -> Array:
         """... and of what holds them, inverted."""
         return np.asarray(np.linalg.inv(self.bend + self.firmness[:, :, None] * np.eye(self.parts.shape[1])))
+
+    @property
+    def at_bound(self) -> bool:
+        """Whether any part would go further than runs do: all others are held alike."""
+        return bool(np.ptp(self.firmness) > 0.0)
 
     def explained(self, told: Array) -> float:
         """What of the misfit of all its runs they take up at these coefficients of the features, (k,)."""
@@ -112,11 +116,28 @@ def firmness_of(own: Own, told: Array, usual: float) -> Array:
     """
     size = own.parts.shape[1]
     bend, pull = own.bend + usual * np.eye(size), -(told @ own.pulled)
-    found = np.linalg.solve(bend, pull[:, :, None])[:, :, 0]
+    found = np.asarray(np.linalg.solve(bend, pull[:, :, None])[:, :, 0])
     firmness = np.full_like(found, usual)
-    most = np.full(size, MOST_WANDER)
-    for k in np.flatnonzero(np.abs(found).max(axis=1) > MOST_WANDER):
-        mine = bounded_step(np.zeros(size), -pull[k], bend[k], -most, most)
-        pushed = np.maximum((pull[k] - bend[k] @ mine) * np.sign(mine), 0.0)
-        firmness[k] += np.where(np.abs(mine) >= MOST_WANDER * (1.0 - 1e-6), pushed / MOST_WANDER, 0.0)
+    far = np.flatnonzero(np.abs(found).max(axis=1) > MOST_WANDER)
+    if len(far):
+        mine = _within_bounds(bend[far], pull[far], found[far])
+        pushed = (pull[far] - np.einsum("rij,rj->ri", bend[far], mine)) * np.sign(mine)
+        at_bound = np.abs(mine) >= MOST_WANDER * (1.0 - 1e-9)
+        firmness[far] += np.where(at_bound, np.maximum(pushed, 0.0) / MOST_WANDER, 0.0)
     return firmness
+
+
+def _within_bounds(bend: Array, pull: Array, start: Array) -> Array:
+    """Where the parts of some runs lie best within their bounds, (runs, parts): one after the other, in turn.
+
+    The misfit of each run is a bowl, whose floor that reaches (Gauss and Seidel's way, projected).
+    """
+    found = np.clip(start, -MOST_WANDER, MOST_WANDER)
+    for _ in range(SWEEPS):
+        before = found.copy()
+        for k in range(found.shape[1]):
+            rest = pull[:, k] - np.einsum("rj,rj->r", bend[:, k], found)
+            found[:, k] = np.clip(found[:, k] + rest / bend[:, k, k], -MOST_WANDER, MOST_WANDER)
+        if np.abs(found - before).max() < 1e-6:
+            break
+    return found

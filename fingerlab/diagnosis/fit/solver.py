@@ -321,7 +321,9 @@ class Fitter:
             return fit
         self.hold(fit.values)
         fit = self._run(fit.values, iterations)
-        for _ in range(HOLDING_ROUNDS if self._own else 0):
+        for _ in range(HOLDING_ROUNDS):
+            if not any(one.at_bound for each in self._own.values() for one in each):
+                break
             # Held otherwise, the runs ask for other values, and these for the runs to be held otherwise.
             before = self._own
             self.hold(fit.values)
