@@ -15,6 +15,7 @@ from fingerlab.acquisition.control.machine import Mode
 from fingerlab.acquisition.ring import COLUMN, UNITS, Array, RingReader, RowFlag
 from fingerlab.acquisition.status import SharedStatus, Text
 from fingerlab.core.errors import UserError
+from fingerlab.core.files import own_data
 from fingerlab.devices.protocol import LINES, RAW_CHANNELS
 from fingerlab.sessions.model import MAY_BE_NAN, REQUIRED_CHANNELS
 from fingerlab.sessions.recording_files import PartWriter, is_held, recording_folder
@@ -137,9 +138,7 @@ class RunInfo:
 
 def rescue_folder() -> Path:
     """Where a recording is saved whose own folder has vanished: among the user's data."""
-    from platformdirs import user_data_path
-
-    return user_data_path("FingerLab", appauthor=False) / "rescued"
+    return own_data("rescued")
 
 
 @dataclass(frozen=True)

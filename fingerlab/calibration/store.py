@@ -15,7 +15,7 @@ import numpy as np
 from fingerlab.calibration.outcome import CalibrationOutcome
 from fingerlab.calibration.sensors import SENSORS
 from fingerlab.core.errors import UserError
-from fingerlab.core.files import read_text
+from fingerlab.core.files import own_data, read_text
 from fingerlab.core.plain_data import parsed, structured
 from fingerlab.core.progress import Progress
 from fingerlab.core.text import ParameterEstimate, factor
@@ -199,9 +199,7 @@ def default_folder(rig_file: Path | None = None, kind: str = "default") -> Path:
     """The rig folder: beside a rig file, else among the user's data, apart for real and simulated rigs."""
     if rig_file is not None:
         return rig_file.with_name(f"{rig_file.stem}-calibrations")
-    from platformdirs import user_data_path
-
-    return user_data_path("FingerLab", appauthor=False) / "rigs" / kind / "calibrations"
+    return own_data("rigs", kind, "calibrations")
 
 
 def calibrated_rig(rig: Rig, records: Mapping[str, CalibrationRecord]) -> Rig:

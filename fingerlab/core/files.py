@@ -17,6 +17,20 @@ MOST_BYTES = 1 << 24
 """Of a text file that is read whole."""
 
 
+DATA_VARIABLE = "FINGERLAB_DATA_DIR"
+"""Environment variable that puts what is kept for the user elsewhere than where the system has it."""
+
+
+def own_data(*place: str) -> Path:
+    """A place among what the program keeps for its user, whether anything is there yet or not."""
+    given = os.environ.get(DATA_VARIABLE)
+    if given:
+        return Path(given, *place)
+    from platformdirs import user_data_path
+
+    return user_data_path("FingerLab", appauthor=False).joinpath(*place)
+
+
 def seen_as(path: Path) -> str:
     """``file``, ``folder``, or empty for what is missing, is something else, or may not be looked at.
 

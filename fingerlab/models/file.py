@@ -32,11 +32,9 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from platformdirs import user_data_path
-
 import fingerlab
 from fingerlab.core.errors import UserError
-from fingerlab.core.files import new_file, read_text, whole_file
+from fingerlab.core.files import new_file, own_data, read_text, whole_file
 from fingerlab.core.plain_data import Mismatch, json_ready, parsed, read_object, structured
 from fingerlab.core.text import ParameterEstimate as ParameterEstimate
 from fingerlab.sessions.model import Session
@@ -295,7 +293,7 @@ def project_path(sessions: Sequence[Path]) -> Path:
 def elsewhere(path: Path) -> Path:
     """Where it is kept instead if the session's folder takes no file."""
     place = "-".join(part.strip("\\/:") for part in path.absolute().parts if part.strip("\\/:"))
-    return user_data_path("FingerLab", appauthor=False) / "projects" / place
+    return own_data("projects", place)
 
 
 def load_project(sessions: Sequence[Session]) -> Project | None:

@@ -5,15 +5,27 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from fingerlab.acquisition.bench.process_bench import InlineBench
 from fingerlab.acquisition.bench.steering import LoopSettings
-from fingerlab.acquisition.control.machine import Enable, Initialise, Jog, Release, Start, TakeUp
+from fingerlab.acquisition.control.machine import (
+    Approach,
+    Enable,
+    Initialise,
+    Jog,
+    Release,
+    SetUp,
+    Start,
+    TakeUp,
+)
 from fingerlab.acquisition.control.units import BenchUnits
-from fingerlab.acquisition.protocols.driver import take_up_slack
+from fingerlab.acquisition.protocols.driver import ProtocolDriver
+from fingerlab.acquisition.protocols.finding import take_up_slack
+from fingerlab.acquisition.protocols.steps import Change, Find
 from fingerlab.acquisition.ring import COLUMN
-from fingerlab.acquisition.status import Slot
+from fingerlab.acquisition.status import Number, Slot
 from fingerlab.core.errors import UserError
 from fingerlab.devices.simulated import SimulatedRig, Simulation
 from tests.acquisition.driving import SINE, Driven
@@ -55,6 +67,55 @@ def test_a_cable_that_is_off_is_told(tmp_path: Path) -> None:
     bench = opened(3e-2, tmp_path)
     with pytest.raises(UserError, match=r"do not move|does not follow"):
         take_up_slack(bench, Initialise())
+    assert not bench.status().enabled
+    bench.close()
+
+
+def test_where_the_cable_holds_the_motor_the_slack_is_taken_up_and_no_current_jumps_after_it() -> None:
+    """0.3 A are 39.0 mN m, and a spring of 0.05 N m/rad balances them at 44.6 degrees."""
+    bench = Driven(FakeDevice())
+    for command in (Initialise(), Enable(), TakeUp(moved=10.0, or_held=True)):
+        assert bench.ask(command) == ""
+    bench.cycles(9000, lambda: bool(bench.board[Slot.APPROACHED]))
+    assert bench.board[Slot.APPROACHED] == 1
+    assert math.degrees(bench.board.number(Number.APPROACH)) == pytest.approx(44.6, abs=1.0)
+    assert bench.ask(Approach(9.0, 0.2, 1.2)) == ""  # which its load cell never shows
+    bench.cycles(1000)
+    current = bench.column("current_command")
+    assert current[-1] > 0.35
+    # An encoder count moves the position loop's current by 60 mA, as control.py says.
+    assert abs(np.diff(current[-1500:])).max() < 0.08
+    assert bench.fault == ""
+
+
+def slack_bench(folder: Path, slack: float) -> tuple[InlineBench, ProtocolDriver]:
+    """The practice bench with so much slack in its cable, m, and its load cell under the fingertip."""
+    device = SimulatedRig(simulation=Simulation(seed=4, effects={"cable_slack": {"travel": slack}}))
+    bench = InlineBench(device, LoopSettings(BenchUnits.from_rig(device.rig), device.rig.limits), folder)
+    return bench, ProtocolDriver(bench, lambda sentence: None)
+
+
+def test_the_load_cell_is_found_with_a_slack_cable_and_the_runs_begin_where_it_pulls(tmp_path: Path) -> None:
+    """10 mm on a pulley of 15 mm are 38.2 degrees: more than the 25 within which a finger has to follow."""
+    bench, driver = slack_bench(tmp_path, 1e-2)
+    driver.take([Change(SetUp("contact", "flexion"), "Put the load cell there."), Find(0.8)])
+    rows = bench.ring.last(bench.status().index - 1)
+    position, current, force = (
+        np.degrees(rows[:, COLUMN["motor_position"]]), rows[:, COLUMN["motor_current"]],
+        rows[:, COLUMN["endpoint_force"]],
+    )  # fmt: skip
+    assert force.max() > 0.8
+    again = int(np.flatnonzero(np.diff(position) < -10.0)[-1])  # the motor's reference is another one
+    assert position[again] - position[again + 1] == pytest.approx(38.2, abs=5.0)
+    assert abs(current[: again + 1]).max() < 0.45  # 0.3 A and the monitor's noise
+    assert bench.status().fault == ""
+    bench.close()
+
+
+def test_slack_beyond_the_take_up_is_one_sentence_and_leaves_no_current(tmp_path: Path) -> None:
+    bench, driver = slack_bench(tmp_path, 3e-2)
+    with pytest.raises(UserError, match="Neither the joints nor the load cell answer within 60°"):
+        driver.take([Change(SetUp("contact", "flexion"), "Put the load cell there."), Find(0.8)])
     assert not bench.status().enabled
     bench.close()
 

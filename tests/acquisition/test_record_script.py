@@ -207,7 +207,8 @@ def test_on_air_then_contact_with_the_model_beside_it(tmp_path: Path) -> None:
     assert ["extension cable" in changes[0], "flexion cable" in changes[1]] == [True, True]
     readings = of(events, "readings")
     # What is shown is what is recorded: newton metres at the gearbox, newtons at the tip.
-    assert max(e["endpoint_force"] for e in readings) > 0.5
+    pressed = max(e["endpoint_force"] for e in readings)
+    assert 0.2 < pressed < 2.0  # read once a second, wherever a motion of 1 Hz is then
     errors = [e["torque_error"] for e in readings if e.get("torque_error")]
     assert 0.0 < min(errors) < 0.02
     forces = [e["force_error"] for e in readings if e.get("force_error")]

@@ -98,6 +98,24 @@ def test_a_motor_without_a_load_is_braked(monkeypatch: pytest.MonkeyPatch) -> No
     assert bench.fault == ""
 
 
+def test_a_soft_stop_brakes_a_fast_motor_no_harder_than_the_cable_may_be_pulled(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """At 3.5 rad/s the position loop asks for 0.9 A at once (0.25 A s/rad); 500 N/s are 58 A/s."""
+    monkeypatch.setattr(fake_device, "SPRING", 0.0)
+    monkeypatch.setattr(fake_device, "FRICTION", 0.0)
+    bench = Driven(FakeDevice(), Limits(position_high=1e3))
+    assert bench.ask(SetUp("motor_bench", "none")) == ""
+    bench.run({**PULL, "torque_n_m": [0.05, 0.05, 0.05, 0.05], "ramp_s": 0.1})
+    bench.cycles(2000)
+    assert bench.ask(Finish()) == ""
+    bench.cycles(300)
+    tension = TORQUE_PER_AMP * np.abs(bench.column("current_command")[-300:]) / 0.015
+    assert tension.max() > 1.0  # N: it brakes
+    assert np.diff(tension).max() < 0.75 * 500.0 * 1e-3
+    assert bench.fault == ""
+
+
 @pytest.mark.parametrize("where", ["stop", "fault", "position"])
 def test_stop_and_limits_take_the_current_away(where: str) -> None:
     limits = Limits(position_high=math.radians(30.0)) if where == "position" else Limits()

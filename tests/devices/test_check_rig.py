@@ -504,7 +504,7 @@ def test_a_check_holds_for_the_wiring_and_limits_it_was_made_of(tmp_path: Path) 
 
 def test_only_a_real_bench_has_its_check_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The command writes its protocol either way; a rehearsal lets no motor have its whole current."""
-    monkeypatch.setattr("fingerlab.acquisition.check_rig.walk.checks_folder", lambda *_: tmp_path / "checks")
+    monkeypatch.setenv("FINGERLAB_DATA_DIR", str(tmp_path))
     plant = SimulatedBench(Simulation(seed=2), default_rig().daq)
     card = Card(plant)
     device = NiCard(default_rig(), card.clock, InProcessChannel(Servicer(card)))
@@ -519,9 +519,10 @@ def test_only_a_real_bench_has_its_check_kept(tmp_path: Path, monkeypatch: pytes
     arguments = ["--device", "Dev1", "--out", str(out)]
     result = CliRunner().invoke(command, arguments, input="yes\n" * 60)
     assert result.exit_code == 0, result.output
-    (kept,) = (tmp_path / "checks").glob("*.json")
+    checks = tmp_path / "rigs" / "default" / "checks"
+    (kept,) = checks.glob("*.json")
     assert json.loads(kept.read_text(encoding="utf-8")) == json.loads(out.read_text(encoding="utf-8"))
-    assert last_check(default_rig(), "card", tmp_path / "checks").confirmed
+    assert last_check(default_rig(), "card", checks).confirmed
     rehearsed = ["--device", "simulated", "--yes", "--out", str(tmp_path / "again.json")]
     assert CliRunner().invoke(command, rehearsed).exit_code == 0
-    assert len(list((tmp_path / "checks").iterdir())) == 1
+    assert len(list(checks.iterdir())) == 1

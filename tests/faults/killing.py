@@ -64,12 +64,17 @@ def signal_of(how: str) -> int:
 
 
 def kill_once(
-    folder: Path, victim: str, after_s: float, how: str = "SIGKILL", card: Served | None = None
+    folder: Path,
+    victim: str,
+    after_s: float,
+    how: str = "SIGKILL",
+    card: Served | None = None,
+    motion: str = "angle",
 ) -> Outcome:
     """Let a bench run for ``after_s`` seconds of recording, kill ``victim``, and look.
 
     Args:
-        how: the signal's name. card: takes the place of the fake bench.
+        how: the signal's name. card: takes the place of the fake bench. motion: of ``tests.faults.window``.
     """
     output, session = folder / "output", folder / "session.h5"
     arguments = [
@@ -79,13 +84,15 @@ def kill_once(
         str(output),
         str(session),
         str(folder / "saved"),
+        "30",
+        motion,
     ]
     if card is None:
         make_output(output)
     else:
         output = card.output
         card.do("set_up", "on_air", "extension")  # the finger hangs at rest
-        arguments += ["30", card.address]
+        arguments.append(card.address)
     with subprocess.Popen(arguments, stdout=subprocess.PIPE, cwd=ROOT, text=True) as window:
         assert window.stdout is not None
         told = json.loads(window.stdout.readline())

@@ -32,6 +32,7 @@ from fingerlab.acquisition.control.machine import (
     Mode,
     SetUp,
     Start,
+    TakeUp,
     Tare,
 )
 from fingerlab.acquisition.protocols.steps import APPROACH_LIMIT, APPROACH_SPEED
@@ -159,10 +160,11 @@ def _taken(bench: Driven, lie: Lie) -> str:
             return refused
     motion: dict[str, Any] = AIR
     if lie.contact:
-        bench.ask(Approach(1.0, APPROACH_SPEED, APPROACH_LIMIT))
-        bench.cycles(20000, lambda: bool(bench.board[Slot.APPROACHED]) or _over(bench))
-        if bench.board[Slot.APPROACHED] == -1:
-            return "The fingertip does not press the load cell; move it nearer."
+        for wound in (TakeUp(or_held=True), Approach(1.0, APPROACH_SPEED, APPROACH_LIMIT)):
+            bench.ask(wound)
+            bench.cycles(20000, lambda: bool(bench.board[Slot.APPROACHED]) or _over(bench))
+            if bench.board[Slot.APPROACHED] == -1:
+                return "The fingertip does not press the load cell; move it nearer."
         middle = math.degrees(bench.board.number(Number.APPROACH))
         bench.ask(Finish())
         bench.cycles(5000, lambda: _over(bench))

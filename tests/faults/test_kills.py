@@ -9,12 +9,13 @@ import pytest
 from tests.faults.killing import VICTIMS, kill_once
 
 
-@pytest.mark.parametrize("after", [0.25, 0.6])
+@pytest.mark.parametrize(("after", "motion"), [(0.25, "angle"), (0.6, "torque")])
 @pytest.mark.parametrize("victim", VICTIMS)
 def test_a_killed_process_stops_the_motor_and_loses_a_quarter_of_a_second_at_most(
-    tmp_path: Path, victim: str, after: float
+    tmp_path: Path, victim: str, after: float, motion: str
 ) -> None:
-    outcome = kill_once(tmp_path, victim, after)
+    """Torque: what a wanted force needs by a model, which no position loop would hold back."""
+    outcome = kill_once(tmp_path, victim, after, motion=motion)
     assert outcome.zero
     assert outcome.moving
     if victim != "loop":  # cycles of the bench, which waits for a machine that is busy; the sweep counts them

@@ -7,11 +7,9 @@ import random
 from dataclasses import replace
 from pathlib import Path
 
-import platformdirs
 import pytest
 
 from fingerlab.core.errors import UserError
-from fingerlab.models import file as kept
 from fingerlab.models.file import Project, TriedModel, View, load_project, project_path, save_project
 from fingerlab.sessions import Session, open_session
 from tests.faults.saving import kill_saving
@@ -77,8 +75,7 @@ def test_a_project_of_other_sessions_is_not_taken(session: Session, make_session
 def test_where_the_folder_takes_no_file_the_users_own_does(
     session: Session, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(kept, "user_data_path", lambda *_, **__: tmp_path / "own")
-    assert callable(platformdirs.user_data_path)
+    monkeypatch.setenv("FINGERLAB_DATA_DIR", str(tmp_path / "own"))
     beside = project_path([session.path])
     beside.mkdir()  # no file can have this name
     where = save_project(DONE, beside)

@@ -120,6 +120,7 @@ def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(autouse=True)
 def _short_pose(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("fingerlab.acquisition.protocols.force_trial.POSE_S", 4.0)
+    monkeypatch.setattr("fingerlab.acquisition.protocols.force_trial.PRACTICES", 2)
 
 
 def record(model: Path, out: Path, wish: dict[str, object], *more: str) -> object:
@@ -161,7 +162,7 @@ def test_it_ends_where_the_force_is_beyond_what_was_allowed(
     session = open_session(out)
     assert [run.attributes["force_model"] for run in session.runs] == ["pose", "practice"]
     force = session.runs[1].channel("endpoint_force")
-    assert force.max() < 0.9  # the wanted force was never reached
+    assert force.max() < 1.0  # N, knock and noise included: the wanted force goes on to 1.3 N
 
 
 def test_stopped_in_the_middle_the_motor_has_no_current_and_the_recording_is_read(

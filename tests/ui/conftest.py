@@ -115,20 +115,16 @@ def connect_rig(monkeypatch, make_window, settings: Settings, qtbot: QtBot, tmp_
 def unconnected(monkeypatch, make_window, settings: Settings, qtbot: QtBot, tmp_path: Path):  # type: ignore[no-untyped-def]
     """A window without a rig that opens benches as in life, but in its own process.
 
-    Made of ``build``, a device choice -> its device; ``find``, what is looked for; and ``checks``, the folder
-    that checks of a rig are kept in: without one every rig counts as checked, or its current were a tenth.
+    Made of ``build``, a device choice -> its device; ``find``, what is looked for; and ``checked``: every rig
+    counts as checked, or its current were a tenth. What is kept for the user lies below ``tmp_path``.
     """
 
-    def make(
-        build: Callable[[Any], Any], find: Any = lambda rig_file: detect(), checks: Path | None = None
-    ) -> Rig:
+    def make(build: Callable[[Any], Any], find: Any = lambda rig_file: detect(), checked: bool = True) -> Rig:
         monkeypatch.setattr(acquire_tab, "ask_to_close", lambda *_: True)
-        monkeypatch.setattr("fingerlab.calibration.store.default_folder", lambda *_: tmp_path / "own")
-        kept = "fingerlab.acquisition.check_rig.walk"
-        if checks is None:
-            monkeypatch.setattr(f"{kept}.last_check", lambda *_: KeptCheck("2026-11-23T08:00:00"))
-        else:
-            monkeypatch.setattr(f"{kept}.checks_folder", lambda *_: checks)
+        monkeypatch.setenv("FINGERLAB_DATA_DIR", str(tmp_path))
+        if checked:
+            kept = "fingerlab.acquisition.check_rig.walk.last_check"
+            monkeypatch.setattr(kept, lambda *_: KeptCheck("2026-11-23T08:00:00"))
         settings.set_recordings(tmp_path / "recordings")
 
         def inline(choice: Any, loop: Any, rate_hz: float) -> InlineBench:

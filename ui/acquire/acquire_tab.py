@@ -28,7 +28,7 @@ from fingerlab.acquisition.control.machine import (
     initial_of,
 )
 from fingerlab.acquisition.control.position import Gains
-from fingerlab.acquisition.protocols.driver import find_contact, take_up_slack
+from fingerlab.acquisition.protocols.finding import find_contact, take_up_slack
 from fingerlab.acquisition.protocols.steps import countdown, prompt_of
 from fingerlab.acquisition.recording import what_was_saved
 from fingerlab.core.errors import UserError
@@ -372,7 +372,9 @@ class AcquireTab(Tab):
             return
         force = self.panel.protocol.force.value()
 
-        def told(angle: float) -> None:
+        def told(angle: float | None) -> None:
+            if angle is None:
+                return
             offset = self.panel.motion.numbers["offset_deg"]
             degrees = round(math.degrees(angle), offset.decimals())
             offset.setValue(degrees)

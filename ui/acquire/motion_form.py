@@ -40,6 +40,7 @@ from fingerlab.acquisition.control.trajectories import (
     read_trajectory,
 )
 from fingerlab.core.errors import UserError
+from fingerlab.core.files import own_data
 
 from ..widgets.fields import NumberField, choice, form_menu, number
 from ..widgets.layout import as_written, described
@@ -109,9 +110,7 @@ class GainsButton(QToolButton):
 
 def motions_folder() -> Path:
     """Where kept motions are: each a file that ``record --trajectory`` takes."""
-    from platformdirs import user_data_path
-
-    return user_data_path("FingerLab", appauthor=False) / "motions"
+    return own_data("motions")
 
 
 class MotionsButton(QToolButton):

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fingerlab.core.errors import Cancelled
+from fingerlab.core.files import own_data
 from fingerlab.core.text import estimate_text
 from fingerlab.models.file import ParameterEstimate
 from fingerlab.sessions.model import Session
@@ -35,9 +36,7 @@ EXAMPLE_SEED = 11
 
 def practice_folder() -> Path:
     """Where practice sessions are kept: the user's own data folder."""
-    from platformdirs import user_data_path
-
-    return user_data_path("FingerLab", appauthor=False) / "practice"
+    return own_data("practice")
 
 
 def simulate(progress: Progress, cancelled: IsCancelled, example: str = "") -> Path:

@@ -181,6 +181,7 @@ class ControlLoop:
             self.ended = self.ended or any(isinstance(one, Quit) for _, one in list(self._commands))
             return
         reading = self._reader.read(sample, self._steering.reference.value, self._commanded())
+        reading.taking_up = self._steering.taking_up
         sentence = self._complaint(reading)
         if sentence:
             self._fault(sentence)

@@ -120,7 +120,17 @@ DOUBT_S = 5e-3
 """For so long a torque's own bounds have to be left; the load cell's noise is no doubt (assumed)."""
 
 MOVED_SAMPLES = 20
-"""Samples of a take-up whose mean says where the joints were, and by how many the motion has to be seen."""
+"""Samples of a take-up whose mean says where joints and load cell were, and by how many a change of them has
+to be seen."""
+
+SOFT_SHARE = 0.7
+"""Of the limit of the tension's rise that a soft stop out of a torque makes at most (assumed: the rest is for
+the current monitor's noise). Where play or a bouncing tip has the motor swing, the position loop that takes
+over would brake it harder than the cable is to be pulled."""
+
+HELD_S = 0.2
+"""For so long all the current of a take-up is asked for before the cable is said to hold the motor (assumed:
+at 10 degrees a second it is 2 degrees behind then, and would be further)."""
 
 
 def gains_within(settings: LoopSettings, hold: int) -> Gains:
@@ -179,9 +189,12 @@ class Steering:
         self._limits, self._period = settings.limits, period
         self._bounds: Bounds | None = None  # of a trajectory of torque
         self._winding: Winding | None = None
-        self._joints: list[float] = []  # of a take-up: both together before it began
-        self._moving = 0
+        self._before: list[tuple[float, float, float]] = []  # of a take-up: MCP, PIP and force as it began
+        self._moving = self._holding = 0
         self._most = math.inf  # A
+        units, rise = settings.units, SOFT_SHARE * settings.limits.tension_rise
+        self._softly = rise * units.pulley_radius / units.torque_per_amp * period  # A a sample
+        self._soft = False  # a soft stop out of a torque
 
     @staticmethod
     def _tell_gains(gains: Gains, board: SharedStatus) -> None:
@@ -211,6 +224,11 @@ class Steering:
         self.off()
         self.reference.value = position
 
+    @property
+    def taking_up(self) -> bool:
+        """Whether slack is being taken up."""
+        return isinstance(self._winding, TakeUp)
+
     def forget(self) -> None:
         """The slow motion that was under way has ended."""
         self._winding = None
@@ -223,10 +241,10 @@ class Steering:
         self._pulling = pulling
         self._bounds = self._bounds_of(command.trajectory) if isinstance(command, ReadyStart) else None
         self._winding = None if isinstance(command, ReadyStart) else command
-        self._joints, self._moving = [], 0
+        self._before, self._moving, self._holding = [], 0, 0
         self._most = command.current if isinstance(command, TakeUp) else math.inf
         self._board[Slot.APPROACHED] = 0
-        self._resting = False
+        self._resting = self._soft = False
         if not moving:
             self._controller.reset()
             self._know_nothing()
@@ -276,9 +294,10 @@ class Steering:
         if self._pulling:
             self.amps = self._pull.current(reading.speed)
         else:
-            error = self.reference.value - reading.position
+            error, before = self.reference.value - reading.position, abs(self.amps)
             self.amps = self._controller.command(error, self._beforehand(reading.position))
-            self.amps = min(max(self.amps, -self._most), self._most)
+            most = min(self._most, before + self._hold * self._softly) if self._soft else self._most
+            self.amps = min(max(self.amps, -most), most)
         units = self._units
         self.volts = min(max(self.amps / units.amps_per_volt, units.low_volts), units.high_volts)
 
@@ -301,7 +320,7 @@ class Steering:
         """Begin a soft stop of a motor at ``position`` (rad)."""
         self._winding, self._most, self._resting = None, math.inf, True
         if self._pulling:  # the position loop takes over where the motor is, with the current that it has
-            self._pulling = False
+            self._pulling, self._soft = False, True
             self._controller.take_over(self.amps)
             self._know_nothing()
             self.reference.begin(position)
@@ -331,7 +350,11 @@ class Steering:
             if self.reference.over:
                 self.reference.hold(self.reference.value)
         elif self._reached(winding, reading):
-            # Where the motor is, not where it was told to be: the loop's integral makes the two agree.
+            # Where the motor is, not where it was told to be: the loop's integral makes the two agree. Where
+            # a bound held the current back, what the loop asked for beyond it is forgotten.
+            if self._most < math.inf:
+                self._controller.take_over(self.amps)
+                self.reference.begin(reading.position)
             self.reference.hold(reading.position)
             self._board.set_number(Number.APPROACH, reading.position)
             self._board[Slot.APPROACHED] = 1
@@ -342,10 +365,13 @@ class Steering:
     def _reached(self, winding: Approach | TakeUp, reading: Reading) -> bool:
         if isinstance(winding, Approach):
             return reading.force >= winding.force
-        both = reading.mcp + reading.pip
-        if len(self._joints) < MOVED_SAMPLES:
-            self._joints.append(both)
+        if len(self._before) < MOVED_SAMPLES:
+            self._before.append((reading.mcp, reading.pip, reading.force))
             return False
-        moved = abs(both - sum(self._joints) / MOVED_SAMPLES) >= winding.moved
-        self._moving = self._moving + 1 if moved else 0
-        return self._moving >= MOVED_SAMPLES
+        mcp, pip, force = (sum(values) / MOVED_SAMPLES for values in zip(*self._before, strict=True))
+        pulls = abs(reading.mcp - mcp) + abs(reading.pip - pip) >= winding.moved  # whatever their signs
+        pulls = pulls or (self.in_contact and reading.force - force >= winding.pressed)
+        self._moving = self._moving + 1 if pulls else 0
+        self._holding = self._holding + 1 if abs(self.amps) >= winding.current else 0
+        held = winding.or_held and self._holding >= round(HELD_S / self._period)
+        return held or self._moving >= MOVED_SAMPLES

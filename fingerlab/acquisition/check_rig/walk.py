@@ -52,7 +52,7 @@ from fingerlab.acquisition.check_rig.look import (
 )
 from fingerlab.acquisition.control.machine import Mode, Reset
 from fingerlab.core.errors import UserError
-from fingerlab.core.files import read_text
+from fingerlab.core.files import own_data, read_text
 from fingerlab.core.plain_data import read_object
 from fingerlab.devices.choosing import OWN, DeviceChoice
 from fingerlab.rig.daq import SOURCES, plain_section
@@ -113,9 +113,7 @@ def checks_folder(rig_file: Path | None = None) -> Path:
     """Where checks are kept: beside a rig file, else among the user's data."""
     if rig_file is not None:
         return rig_file.with_name(f"{rig_file.stem}-checks")
-    from platformdirs import user_data_path
-
-    return user_data_path("FingerLab", appauthor=False) / "rigs" / "default" / "checks"
+    return own_data("rigs", "default", "checks")
 
 
 def bench_key(choice: DeviceChoice) -> str:

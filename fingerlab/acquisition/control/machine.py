@@ -108,12 +108,19 @@ class Approach:
 
 @dataclass(frozen=True)
 class TakeUp:
-    """Wind slowly with little current until the joints move by ``moved`` (rad, both together); stay there."""
+    """Wind slowly with little current until the cable pulls; stay there.
+
+    It pulls where the joints have moved by ``moved`` (rad, both together), in contact also where
+    the load cell shows ``pressed`` (N) more, and with ``or_held`` where ``current`` (A) turns it no further.
+    ``limit`` (rad): at most so far. ``speed``: rad/s.
+    """
 
     moved: float = math.radians(1.0)
     speed: float = math.radians(10.0)
     limit: float = math.radians(60.0)
     current: float = 0.3
+    pressed: float = 0.15
+    or_held: bool = False
 
 
 @dataclass(frozen=True)

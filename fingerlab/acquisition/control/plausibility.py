@@ -193,7 +193,7 @@ class EncoderSense:
 
 
 class Mean(NamedTuple):
-    """Means over a block, SI."""
+    """Means over a block, SI; ``taking_up``: share of it."""
 
     position: float
     mcp: float
@@ -202,6 +202,7 @@ class Mean(NamedTuple):
     torque: float
     current: float
     commanded: float
+    taking_up: float
 
 
 class Slow(Protocol):
@@ -238,6 +239,8 @@ class Means:
 class FingerFollows:
     """Where the motor turns far enough one way, both joints turn with it, the way that the cable pulls.
 
+    Nothing is said while slack is taken up: that has little current, and a way of its own that it ends after.
+
     Args:
         sense: +1 where winding flexes, -1 where it extends. travel: rad that the motor turns meanwhile.
         blocked: N m; a torque that changed by so much has found something that stands in the finger's way,
@@ -254,7 +257,7 @@ class FingerFollows:
         self._to: Mean | None = None
 
     def judge(self, mean: Mean) -> str | None:
-        if self._from is None or self._to is None:
+        if self._from is None or self._to is None or mean.taking_up:
             self._from = self._to = mean
             return None
         way = self._to.position - self._from.position

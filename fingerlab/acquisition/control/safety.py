@@ -20,6 +20,7 @@ class Reading:
         index: sample clock. lost: cycles lost before this one. lateness: s. cycle_time: s, measured.
         position, speed, reference: rad, rad/s, rad. torque, tension: N m, N. current: A.
         commanded: A that the amplifier was told to make; NaN where it was told nothing.
+        taking_up: slack is being taken up: the motor turns without the finger, with little current.
         mcp, pip: rad. force: N. raw, lines: as the device gave them.
     """
 
@@ -38,6 +39,7 @@ class Reading:
         "raw",
         "reference",
         "speed",
+        "taking_up",
         "tension",
         "torque",
     )
@@ -50,6 +52,7 @@ class Reading:
         self.mcp = self.pip = self.force = math.nan
         self.raw: tuple[float, ...] = ()
         self.lines: tuple[float, float] = (math.nan, math.nan)
+        self.taking_up = False
 
 
 class EncoderFault(str):

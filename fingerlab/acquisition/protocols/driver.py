@@ -16,16 +16,15 @@ from fingerlab.acquisition.control.machine import (
     Enable,
     Finish,
     Initialise,
-    Jog,
     Mode,
     SetUp,
     Start,
-    TakeUp,
     Tare,
 )
 from fingerlab.acquisition.control.motion import STOP_S
 from fingerlab.acquisition.control.plausibility import lacking, sensors_of
 from fingerlab.acquisition.control.trajectories import read_trajectory
+from fingerlab.acquisition.protocols.finding import FINDING, find_contact
 from fingerlab.acquisition.protocols.steps import (
     APPROACH_LIMIT,
     APPROACH_SPEED,
@@ -48,9 +47,6 @@ from fingerlab.core.errors import UserError
 from fingerlab.rig.file import INTERVENTION
 from fingerlab.sessions.model import Run
 from fingerlab.sessions.recording_files import FEED_FORWARD
-
-LET_GO, LET_GO_SPEED = math.radians(2.0), math.radians(4.0)
-"""rad, rad/s: by how much a cable that is tight is let go again (assumed: twice what moved the joints)."""
 
 MOST_LOST = 0.02
 """Share of a run's samples that may be missing when the next one is learned from it (assumed: gaps of some
@@ -116,73 +112,6 @@ class Beginning:
 
     before_s: float = 0.0
     trigger: Level | None = None
-
-
-def take_up_slack(bench: Bench, initial: Initialise) -> float:
-    """Wind until the cable pulls at the joints, and make that the motor's reference; then amplifier off.
-
-    The bench was initialised. Before the current ends the cable is let go by 2 degrees, or the springs would
-    throw the motor back. The encoder stands at ``initial.position`` where the joints begin to move.
-
-    Returns:
-        The slack that was taken up, rad.
-
-    Raises:
-        UserError: it was refused or stopped, or the joints did not move.
-    """
-    bench.ask(Enable())
-    try:
-        begin = _position(bench)
-        command = TakeUp()
-        bench.ask(command)
-        patience = command.limit / command.speed + 5.0
-        bench.wait_until(lambda: bench.approached() is not None, patience, "Taking up the slack")
-        taut = bench.approached()
-        if taut is None or math.isnan(taut):
-            raise UserError(
-                f"The joints do not move within {math.degrees(command.limit):g}° and {command.current:g} A; "
-                "fix the cable, and look whether the finger is free."
-            )
-        bench.ask(Jog(-LET_GO_SPEED))
-        bench.wait_until(lambda: _position(bench) < taut - LET_GO, patience, "Letting the cable go")
-        bench.ask(Jog(0.0))
-        bench.wait(SETTLE_S)
-    finally:
-        if bench.status().enabled:
-            bench.ask(Disable())
-    bench.wait(SETTLE_S)
-    back = _position(bench) - taut
-    bench.ask(Initialise(initial.position + back, initial.mcp, initial.pip))
-    return taut - begin
-
-
-def find_contact(bench: Bench, force: float) -> float:
-    """Wind until the load cell shows ``force`` (N), and stay there.
-
-    Returns:
-        The motor's angle there, rad.
-
-    Raises:
-        UserError: it was refused or stopped, or the finger does not reach the load cell.
-    """
-    bench.ask(Approach(force, APPROACH_SPEED, APPROACH_LIMIT))
-    seconds = APPROACH_LIMIT / APPROACH_SPEED + 5.0
-    bench.wait_until(lambda: bench.approached() is not None, seconds, "Finding the load cell")
-    return _pressed_at(bench, force)
-
-
-def _pressed_at(bench: Bench, force: float) -> float:
-    reached = bench.approached()
-    if reached is None or math.isnan(reached):
-        raise UserError(
-            f"The fingertip does not press the load cell with {force:g} N before "
-            f"{math.degrees(APPROACH_LIMIT):g}° at the pulley; move the load cell nearer."
-        )
-    return reached
-
-
-def _position(bench: Bench) -> float:
-    return float(bench.ring.last(1)[0, COLUMN["motor_position"]])
 
 
 def refuse_impossible(steps: Sequence[Step], settings: LoopSettings) -> None:
@@ -372,17 +301,13 @@ class ProtocolDriver:
             bench.ask(command)
 
     def _find(self, step: Find) -> None:
-        bench = self.bench
-        bench.ask(Approach(step.force, APPROACH_SPEED, APPROACH_LIMIT))
-        seconds = APPROACH_LIMIT / APPROACH_SPEED + 5.0
-        self._tell(self.share, "finding the load cell", 0.0)
-        self._until(lambda: bench.approached() is not None or self._ending, seconds, "Finding the load cell")
-        if self._ending:
+        self._tell(self.share, FINDING.lower(), 0.0)
+        pressed = find_contact(self.bench, step.force, self._until, lambda: self._ending)
+        if pressed is not None:
+            self._offset_deg = round(math.degrees(pressed), 2)
+            self.bench.ask(Finish())
+        if self.bench.status().enabled:
             self._wait_for_rest()
-            return
-        self._offset_deg = round(math.degrees(_pressed_at(bench, step.force)), 2)
-        bench.ask(Finish())
-        self._wait_for_rest()
 
     def _lift(self, step: Lift) -> None:
         self.bench.ask(lifting(step))

@@ -4,8 +4,10 @@
 2. The nominal model's torque for that pose (``practice``): the first run under torque.
 3. Each model's torque along the motion that was measured in 2, once more as practice: from now on its torque
    is found along its own motion, less the constant by which it pressed too hard.
-4. The same torques once more as practice: what is left of the constant, and how far the found torque is to be
-   gone, as far as it misses less than the nominal one.
+4. The same a few times more: a tip that slides may do so at another moment under another torque, so that
+   the next torque need not be the better one. Each model keeps that of its best practice, which also tells
+   what is left of the constant, and how far the found torque is to be gone, as far as it misses less than the
+   nominal one.
 5. The runs that count: with two models in pairs, the order within each pair drawn by a seed.
 
 What is worked out between runs is worked out with the amplifier off. It ends on the first doubt: a torque
@@ -73,6 +75,9 @@ the stretch of a soft cable, and far less than a finger needs to slip off the lo
 PRESSES = 0.1
 """Share of the wanted force that a practice run presses with at least, on average; with less there is no
 contact (assumed: the thesis' bench had a quarter)."""
+PRACTICES = 4
+"""Of each model (assumed: from the second on the torque is found along its own motion; sheath and tip that
+slide by turns need two or three more to come to rest, or do not)."""
 MOST_TRIM = 0.25
 """Share of the mean wanted force by which each model's own practice may shift its torque's aim (assumed: more
 than a set-up's constant has been seen to be, and less than what an effect takes away that matters)."""
@@ -106,6 +111,25 @@ class TrialSettings:
     asks: bool = False
 
 
+@dataclass(frozen=True)
+class Practice:
+    """One practice of a model.
+
+    Attributes:
+        along: the run along whose motion its torque was found. trim: N, with which it was.
+        error: force error, N, (n,).
+    """
+
+    along: Run
+    trim: float
+    error: Array
+
+    @property
+    def missed(self) -> float:
+        """N rms, less a constant, which is trimmed away."""
+        return float(np.std(self.error))
+
+
 @dataclass
 class ForceTrial:
     """The steps of a trial and what is learned on the way.
@@ -128,8 +152,7 @@ class ForceTrial:
     _plans: dict[str, TorquePlan] = field(default_factory=dict)
     _feeds: dict[str, Feed] = field(default_factory=dict)
     _motions: dict[str, Run] = field(default_factory=dict)
-    _missed: dict[str, float] = field(default_factory=dict)
-    _errors: dict[str, Array] = field(default_factory=dict)
+    _practised: dict[str, list[Practice]] = field(default_factory=dict)
     _trims: dict[str, float] = field(default_factory=dict)
     _share: float = 1.0
 
@@ -183,7 +206,8 @@ class ForceTrial:
         """All of them; torques are filled in as they are learned."""
         told, set_up = self.settings, SetUp("contact", "flexion")
         models = tuple(dict.fromkeys((NOMINAL, *self.names)))  # the nominal one practises in any case
-        practice = [(name, self._learned) for name in models] + [(name, self._settled) for name in models]
+        learning = (PRACTICES - 1) * [self._learned] + [self._settled]
+        practice = [(name, learn) for learn in learning for name in models]
         count = 2 + len(practice) + len(self.order)
         motion = {
             "kind": "sine",
@@ -245,13 +269,14 @@ class ForceTrial:
     def _learn_first(self, run: Run) -> None:
         self._look_at(run)
         for name in dict.fromkeys((NOMINAL, *self.names)):
+            self._motions[name] = run
             self._plans[name] = self._learn(name, run)
         for name, plan in self._plans.items():
             if name in (NOMINAL, FOUND):
                 self._judge(name, plan, run)
 
     def _learned(self, name: str) -> Callable[[Run], None]:
-        """Of a model's first practice: its motion, along which its torque is found from now on."""
+        """Of a model's practice: its motion, along which its next torque is found."""
 
         def learn(run: Run) -> None:
             self._look_at(run)
@@ -266,22 +291,25 @@ class ForceTrial:
         return learn
 
     def _settled(self, name: str) -> Callable[[Run], None]:
-        """Of its second: what is left of its constant, and how far the found torque is to be gone."""
+        """Of its last: which was best, what is left of its constant, how far the found torque goes."""
 
         def settle(run: Run) -> None:
             self._look_at(run)
             self._doubt(name, run)
-            error = force_error(run, self.wanted).error
-            self._errors[name] = error
-            self._trims[name] = self._bound(self._trims[name] - float(error.mean()))
-            plan = self._learn(name, self._motions[name])
+            best = self._best(name)
+            self._motions[name] = best.along
+            self._trims[name] = self._bound(best.trim - float(best.error.mean()))
+            plan = self._learn(name, best.along)
             if name == FOUND:
-                self._share = best_share(self._errors[NOMINAL], error)
+                self._share = best_share(self._best(NOMINAL).error, best.error)
                 plan = self._kept(between(self._plans[NOMINAL], plan, self._share, self.rig))
-            self._judge(name, plan, self._motions[name])
+            self._judge(name, plan, best.along)
             self._plans[name] = plan
 
         return settle
+
+    def _best(self, name: str) -> Practice:
+        return min(self._practised[name], key=lambda practice: practice.missed)
 
     def _bound(self, trim: float) -> float:
         most = MOST_TRIM * float(self.wanted.force.mean())
@@ -322,9 +350,12 @@ class ForceTrial:
         self._most_deg = min(reached + FURTHER_DEG, high)
 
     def _doubt(self, name: str, run: Run) -> None:
-        """Raises UserError where the found model's practice was far worse than the nominal one's before."""
-        self._missed[name] = float(np.std(force_error(run, self.wanted).error))  # a constant is trimmed away
-        nominal, found = self._missed[NOMINAL], self._missed.get(FOUND, 0.0)
+        """Keep a practice; raises UserError where the found model's was far worse than the nominal one's."""
+        practice = Practice(
+            self._motions[name], self._trims.get(name, 0.0), force_error(run, self.wanted).error
+        )
+        self._practised.setdefault(name, []).append(practice)
+        nominal, found = self._practised[NOMINAL][-1].missed, practice.missed
         if name == FOUND and found > WORSE * np.fmax(nominal, own_error(self.model)):
             raise UserError(
                 f"With the found model the force is missed by {1e3 * found:.0f} mN, with the nominal one by "

@@ -369,7 +369,7 @@ def test_with_processes_of_their_own_and_the_loop_lost(  # type: ignore[no-untyp
     monkeypatch: pytest.MonkeyPatch, make_window: WindowMaker, settings, qtbot: QtBot, tmp_path: Path
 ) -> None:
     monkeypatch.setattr(acquire_tab, "ask_to_close", lambda *_: True)
-    monkeypatch.setattr("fingerlab.calibration.store.default_folder", lambda *_: tmp_path / "own")
+    monkeypatch.setenv("FINGERLAB_DATA_DIR", str(tmp_path))
     settings.set_recordings(tmp_path / "recordings")
     rig = Rig(make_window(tab="acquire", tabs=tabs_with(open_bench)), qtbot, connect=False)
     rig.click("connectSimulated")

@@ -15,7 +15,6 @@ from pytestqt.qtbot import QtBot
 from fingerlab.acquisition.control.machine import Mode
 from fingerlab.acquisition.protocols.steps import Change, Record
 from fingerlab.sessions import open_session
-from fingerlab.ui.acquire import motion_form
 from fingerlab.ui.app.context import Settings
 
 from ..bench_hands import PATIENCE, Rig, opener, tabs_with
@@ -280,7 +279,7 @@ def test_gains_are_changed_while_it_runs_and_marked(rig: Rig) -> None:
 def test_a_motion_is_kept_by_name_set_again_and_forgotten(
     rig: Rig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(motion_form, "motions_folder", lambda: tmp_path / "motions")
+    monkeypatch.setenv("FINGERLAB_DATA_DIR", str(tmp_path))
     names = iter(["slow & wide", "slow wide", "slow wide"])
     monkeypatch.setattr(QInputDialog, "getText", staticmethod(lambda *_: (next(names), True)))
     panel, menu = rig.tab.panel, rig.tab.panel.motions

@@ -30,8 +30,8 @@ from ..virtual_card import Card, InProcessChannel, Servicer
 
 @pytest.fixture
 def benches(unconnected, tmp_path: Path) -> Callable[..., Rig]:  # type: ignore[no-untyped-def]
-    """A window whose benches are on a virtual clock, with checks kept in ``tmp_path / checks``."""
-    return partial(unconnected, checks=tmp_path / "checks")
+    """A window whose benches are on a virtual clock, with checks kept below ``tmp_path``."""
+    return partial(unconnected, checked=False)
 
 
 def unpaced(choice: Any) -> Any:
@@ -70,7 +70,7 @@ def test_a_rehearsal_by_clicks_ends_confirmed_and_leads_to_the_bench(
     answer(rig, qtbot, {})
     assert "All confirmed" in rig.label("checkQuestion")
     assert set(findings(rig).values()) == {"confirmed", "not applicable"}
-    assert not (tmp_path / "checks").exists()  # of no real bench
+    assert not (tmp_path / "rigs" / "default" / "checks").exists()  # of no real bench
     rig.click("checkDrive")
     qtbot.waitUntil(rig.tab.connected, timeout=PATIENCE)
     assert rig.button("initialise").isVisible()
@@ -150,7 +150,7 @@ def test_a_card_has_a_tenth_of_its_current_until_its_check_is_kept(
     assert any(allowed in line for line in rig.window.context.log), rig.window.context.log
     rig.click("checkRig")
     answer(rig, qtbot, {})
-    (kept,) = (tmp_path / "checks").glob("*.json")
+    (kept,) = (tmp_path / "rigs" / "default" / "checks").glob("*.json")
     assert rig.label("checkQuestion") == f"All confirmed. Kept in {kept}."
     rig.click("checkLeave")
     rig.wait_idle()

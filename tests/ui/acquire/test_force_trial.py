@@ -39,6 +39,7 @@ def bench(
 ) -> Rig:
     """The simulated bench that has the model's effect, connected, with the trial's entry chosen."""
     monkeypatch.setattr("fingerlab.acquisition.protocols.force_trial.POSE_S", 4.0)
+    monkeypatch.setattr("fingerlab.acquisition.protocols.force_trial.PRACTICES", 2)
     settings.set_recordings(tmp_path / "recordings")
     make = opener(tmp_path / "rescue", simulation=Simulation(seed=SEED, effects=parse_effects((EFFECT,))))
     rig = Rig(make_window(tab="acquire", tabs=tabs_with(make)), qtbot)

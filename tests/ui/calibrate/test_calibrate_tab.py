@@ -50,6 +50,9 @@ from ..saving import save_each_plot
 RATE = 20.0
 CONTROL = Qt.KeyboardModifier.ControlModifier
 
+SIMULATED = Path("rigs", "simulated", "calibrations")
+"""Where the simulated rig's calibrations are kept, among the user's data."""
+
 
 class Bench:
     """A bench of which only the ring is looked at: volts of a load cell, as its operator places weights."""
@@ -127,7 +130,7 @@ def window(make_window: Callable[..., MainWindow], tmp_path: Path) -> MainWindow
 
 @pytest.fixture
 def bench(window: MainWindow, tmp_path: Path) -> Iterator[Bench]:
-    made = Bench(window, tmp_path / "rig")
+    made = Bench(window, tmp_path / SIMULATED)
     yield made
     window.context.show_bench(None)
 
@@ -332,7 +335,7 @@ def test_live_volts_of_the_rig_that_acquire_connects(
     plain = opener(tmp_path / "rescue")
 
     def connect(wanted: BenchRequest) -> OpenBench:
-        return replace(plain(wanted), calibrations=tmp_path / "rig", simulated=True)
+        return replace(plain(wanted), calibrations=tmp_path / SIMULATED, simulated=True)
 
     settings.set_recordings(tmp_path / "recordings")
     window = make_window(tab="acquire", tabs=tabs_with(connect))
@@ -365,7 +368,7 @@ def test_what_was_accepted_counts_at_the_next_connection(
     bench.work()
     bench.click("acceptCalibration")
     made: list[Any] = []
-    monkeypatch.setattr("fingerlab.calibration.store.default_folder", lambda *_: tmp_path / "rig")
+    monkeypatch.setenv("FINGERLAB_DATA_DIR", str(tmp_path))
     monkeypatch.setattr(
         "fingerlab.acquisition.bench.process_bench.ProcessBench",
         lambda *given: made.append(given) or object(),
@@ -377,7 +380,7 @@ def test_what_was_accepted_counts_at_the_next_connection(
     assert settings.units.force.offset == record["offset"]["value"]
     assert opened.rig.daq.load_cell.gain == record["gain"]["value"]
     assert json.loads(opened.attributes["calibration"])["load-cell"] == record
-    assert opened.calibrations == tmp_path / "rig"
+    assert opened.calibrations == tmp_path / SIMULATED
 
 
 @pytest.mark.qt_log_ignore("This plugin does not support")  # dialogs, on a screen that is none
@@ -408,7 +411,7 @@ def test_a_calibration_is_rehearsed_on_the_simulated_rig_with_weights_of_one_s_o
 ) -> None:
     """By its buttons; a sensor that shows half of its span is told at the second weight."""
     monkeypatch.setattr(acquire_tab, "ask_to_close", lambda *_: True)
-    monkeypatch.setattr("fingerlab.calibration.store.default_folder", lambda *_: tmp_path / "rig")
+    monkeypatch.setenv("FINGERLAB_DATA_DIR", str(tmp_path))
 
     def inline(choice: Any, loop: Any, rate_hz: float) -> InlineBench:
         return InlineBench(replace(choice, real_time=False).build(), loop, tmp_path / "rescue")

@@ -30,7 +30,7 @@ def test_practise_then_reveal(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(practice, "practice_folder", lambda: tmp_path / "practice")
+    monkeypatch.setenv("FINGERLAB_DATA_DIR", str(tmp_path))
     window = make_window(tab="acquire", diagnose=invented_diagnosis)
     click(window, "practiseFromHere")  # who opens the program for the first time stands there
     assert window.current == "model_lab"
@@ -57,7 +57,7 @@ def test_cancelled_practice_leaves_nothing_behind(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(practice, "practice_folder", lambda: tmp_path / "practice")
+    monkeypatch.setenv("FINGERLAB_DATA_DIR", str(tmp_path))
     window = make_window(diagnose=invented_diagnosis)
     click(window, "practise")
     qtbot.waitUntil(lambda: "run 1 of" in child(window, QLabel, "status").text(), timeout=PATIENCE)

@@ -22,7 +22,7 @@ from ..hands import PATIENCE, click, drop, invented_diagnosis, lab_of, lab_with,
 @pytest.fixture
 def first(make_window: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> MainWindow:
     """The window as it is at the very first start."""
-    monkeypatch.setattr(practice, "practice_folder", lambda: tmp_path / "practice")
+    monkeypatch.setenv("FINGERLAB_DATA_DIR", str(tmp_path))
     monkeypatch.setattr(Settings, "tab", lambda self: "")  # nothing was in front before
     window: MainWindow = make_window(tabs=lab_with(invented_diagnosis))
     return window
