@@ -275,6 +275,19 @@ MOST_ZEROS = 5
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
+NO_BREAK = "\u00a0"
+_UNIT = r"[kmcµnG]?(?:Hz|Nm|N|m|g|s|A|V|W|J|rad|°|K|min)[²³]?(?:/[A-Za-zµ°√]+[²³]?)*(?![\w])"
+_AMOUNT = re.compile(
+    r"(?:[<>≈] )?(?<![\w.])[−-]?\d[\d.,\u202f]*(?:°|%)?(?: ± [\d.]+)?"
+    rf"(?: (?:%|×|floors?\b|{_UNIT}(?: {_UNIT})*))?"
+)
+
+
+def held_together(text: str) -> str:
+    """The same words, in which no line ends within an amount, as between a number and its unit."""
+    return _AMOUNT.sub(lambda amount: amount[0].replace(" ", NO_BREAK), text)
+
+
 _NAMES = ("Coulomb", "Stribeck", "Dahl")
 
 

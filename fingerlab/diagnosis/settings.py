@@ -19,8 +19,9 @@ MOVING_SHARE = 0.99
 """Share of a motion's variance by which its pace is told: the rest is noise and small steps; assumed."""
 PACE_SAMPLES = 65536
 """So many samples of a run tell its pace at most."""
-LEAST_RATE_HZ = 100.0
-"""Samples in a reduced second at least: the friction of a motion is lost on fewer; assumed."""
+LEAST_RATE_HZ = 60.0
+"""Samples in a reduced second at least: seven in a cycle of the narrow cutoff, below which the band itself is
+lost; assumed."""
 QUICKER_OCTAVES = 2
 """By so many octaves short runs are looked at more quickly than their pace asks for, at most; assumed."""
 USUAL_TORQUE_SPREAD = 0.04
@@ -306,6 +307,9 @@ FAR_LEFT = 3.0
 """Squared score above one beyond which that does not hold: a friction's own law leaves less; assumed."""
 DECIDING_LOG_ODDS = 5.0
 """Log odds that decide (about 150 to 1)."""
+USUAL_FREEDOM, USUAL_POINTS = 3, 9
+"""Unknowns and points of the grid of an effect that is no more flexible than most; what others gain by chance
+comes on top, ``COST_OF_A_GAIN`` an unknown and the logarithm of how many times as many points there are."""
 MUCH = 1.0
 """Squared score above one that no bench leaves (``USUAL_LEFT``) and no nearly right law (about 0.5)."""
 NEARLY_RIGHT = 0.4

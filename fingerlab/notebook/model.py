@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import html
 import io
-import re
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -14,7 +13,7 @@ from typing import TYPE_CHECKING, Protocol
 from fingerlab.core.errors import UserError
 from fingerlab.core.files import OutputSet
 from fingerlab.core.progress import Progress
-from fingerlab.core.text import estimate_text, mean_and_deviation
+from fingerlab.core.text import NO_BREAK, estimate_text, held_together, mean_and_deviation
 from fingerlab.models.file import DIAGNOSIS_METHOD, Model, ParameterEstimate, save_model
 from fingerlab.report import diagnosis_words as words
 from fingerlab.report.page_tables import model_rows
@@ -74,8 +73,7 @@ Displayable = str | ShownTable
 
 def filled(text: str) -> str:
     """Lines of at most ``WIDTH`` characters; a number and its unit stay together."""
-    bound = re.sub(r"(?<=\d) (?=(?:s|ms|Hz|N|mm|mN|%|°)\b|%)", "\u00a0", text)
-    return textwrap.fill(bound, WIDTH).replace("\u00a0", " ")
+    return textwrap.fill(held_together(text), WIDTH).replace(NO_BREAK, " ")
 
 
 class Displayed:

@@ -17,7 +17,7 @@ TITLES = {
     "unknown": "Left unexplained",
     "parameters": "Constants of the bench",
     "calibration": "Sensors and their calibration",
-    "between_runs": "Differs from run to run",
+    "between_runs": "Differences from run to run",
     "floor": "Floor",
 }
 """Of the parts that are no effect."""

@@ -476,7 +476,8 @@ def miss_words(found: Profile, bin_: int) -> str:
     if rms != rms:
         return "too few samples to say"
     unit = residual_unit(found)
-    amount = unit.after(fixed(rms * unit.factor, decimals_for(0.3 * found.floor * unit.factor)))
+    told = max(0.3 * found.floor, 0.005 * rms)  # half a per cent is told of what is far beyond the floor
+    amount = unit.after(fixed(rms * unit.factor, decimals_for(told * unit.factor)))
     return f"{amount}, {score_text(rms / found.floor)} floors" if found.floor > 0 else amount
 
 

@@ -108,7 +108,7 @@ def shown_unit(key: str, unit: str, largest: float) -> ScreenUnit:
     """The unit in which a parameter up to ``largest``, SI, is shown; a share off a constant in per cent."""
     if TITLES.get(key.partition("@")[0], ("", ""))[1] == "%":
         return ScreenUnit("%", 100.0)
-    return screen_unit(unit, largest)
+    return screen_unit("1" if unit == "tan" else unit, largest)
 
 
 def value_words(key: str, estimate: ParameterEstimate) -> str:
@@ -141,9 +141,16 @@ def known_by(one: FittedParameter) -> str:
     """Where a value comes from: ``fitted here``, ``rig file; these runs hardly tell``, ``held by hand``."""
     if one.held:
         return "held by hand"
+    end = "; at its bound" if at_bound(one) else ""
     if one.told:
-        return "fitted here" if not one.spread else f"fitted here, before: {one.source}"
-    return f"{one.source}; these runs hardly tell"
+        return ("fitted here" if not one.spread else f"fitted here, before: {one.source}") + end
+    return f"{one.source}; these runs hardly tell{end}"
+
+
+def at_bound(one: FittedParameter) -> bool:
+    """Whether the value stands where no fit goes beyond."""
+    near = 1e-6 * (one.high - one.low)
+    return not one.held and not one.low + near < one.estimate.value < one.high - near
 
 
 def cells(one: FittedParameter, keys: Sequence[str]) -> tuple[str, str, str, str, str, str]:
@@ -154,9 +161,11 @@ def cells(one: FittedParameter, keys: Sequence[str]) -> tuple[str, str, str, str
         unit.factor * v for v in (found.value, found.low, found.high, one.low, one.high)
     )
     places = places_of(one, unit)
-    interval = "–" if one.held else f"{fixed(low, places)} to {fixed(high, places)}"
+    # The interval is that of a parabola about the value; what lies beyond a bound no fit allows.
+    interval = "–" if one.held else f"{fixed(max(low, least), places)} to {fixed(min(high, most), places)}"
     bounds = _bounds(least, most, FAR * largest_of((value, low, high)))
-    return parameter_title(one.key, keys), fixed(value, places), interval, bounds, unit.symbol, known_by(one)
+    title = parameter_title(one.key, keys)
+    return title, fixed(value, places), interval, bounds, unit.symbol or "1", known_by(one)
 
 
 def places_of(one: FittedParameter, unit: ScreenUnit) -> int:

@@ -168,9 +168,12 @@ def likely_columns(table: Table, axis: Axis | None = None) -> tuple[Column | Non
     not fit, or that looks like one before it.
     """
     names: Sequence[str | None] = [None] * table.columns
+    units: Sequence[str | None] = [None] * table.columns
     if table.header:
         words = _KEYWORDS if axis is None else _AXIS_KEYWORDS
-        names = [_channel_of(split_header(cell)[0], k, words) for k, cell in enumerate(table.header)]
+        parts = [_likely_parts(cell, words) for cell in table.header]
+        names = [_channel_of(name, k, words) for k, (name, _) in enumerate(parts)]
+        units = [unit for _, unit in parts]
     elif table.columns == len(BENCH_ORDER) and axis is None:
         names = BENCH_ORDER
     found: list[Column | None] = []
@@ -178,10 +181,15 @@ def likely_columns(table: Table, axis: Axis | None = None) -> tuple[Column | Non
         taken = [column.channel for column in found if column is not None]
         found.append(None)
         if name is not None and name not in taken:
-            unit = split_header(table.header[index])[1] if table.header else None
             with suppress(UserError):
-                found[-1] = _column(name, index, unit, 1.0, "", table, axis)
+                found[-1] = _column(name, index, units[index], 1.0, "", table, axis)
     return tuple(found)
+
+
+def _likely_parts(cell: str, words: Sequence[tuple[str, str]]) -> tuple[str, str | None]:
+    """Name and unit of a header; ``t_ms`` has its unit behind the name where that is a quantity's then."""
+    name, unit = _split_axis_header(cell)
+    return (name, unit) if _channel_of(name, 0, words) in CHANNEL_UNITS else split_header(cell)
 
 
 def units_of(channel: str, axis: Axis | None = None) -> tuple[str, ...]:

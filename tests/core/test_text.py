@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 
 from fingerlab.core.text import (
     decimals_for,
     estimate_text,
+    held_together,
     percent,
     printed,
     r2_text,
@@ -96,6 +98,37 @@ def test_a_bound_that_no_fit_could_meet_is_not_told() -> None:
     assert told(0.02, 0.002, 0.0, 1e4) == "from 0"
     assert told(0.02, 0.002, -100.0, 100.0) == "none"
     assert told(0.02, 0.002, -100.0, 0.05) == "up to 50"
+
+
+def test_no_interval_goes_beyond_a_bound_and_a_value_at_it_says_so() -> None:
+    found = ParameterEstimate(-0.05, "1", -0.065, -0.035)
+    stiffness = FittedParameter("mcp_stiffness", "", found, -0.05, 0.05, "rig file", 0.02, True, False)
+    _, value, interval, bounds, unit, known = cells(stiffness, ())
+    assert (value, interval, bounds, unit) == ("−5.0", "−5.0 to −3.5", "−5 to 5", "%")
+    assert known == "fitted here, before: rig file; at its bound"
+    tilt = FittedParameter(
+        "lateral", "", replace(found, unit="tan"), -0.12, 0.12, "assumed", 0.05, True, False
+    )
+    assert cells(tilt, ())[4:] == ("1", "fitted here, before: assumed")
+
+
+@pytest.mark.parametrize(
+    "amount",
+    [
+        "3.07 ± 0.14 mN m",
+        "350 ± 70 µm/N",
+        "3 ± 2 µm s/N",
+        "> 99 %",
+        "−742 g cm²",
+        "1.18 floors",
+        "22 mN m/rad",
+        "5.4 ×",
+    ],
+)
+def test_no_line_ends_within_an_amount(amount: str) -> None:
+    whole = held_together(f"In 14 runs a torque of {amount}, in 2 others not.")
+    assert whole.replace("\u00a0", " ") == f"In 14 runs a torque of {amount}, in 2 others not."
+    assert whole.split(" ")[6] == amount.replace(" ", "\u00a0") + ","
 
 
 def test_powers_of_ten_are_written_out() -> None:

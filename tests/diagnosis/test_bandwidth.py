@@ -100,3 +100,16 @@ def test_derivatives_pass_with_the_gain_of_the_values(frequency: float) -> None:
     value = kernels[:, 0] @ np.cos(omega * lag)
     assert kernels[:, 1] @ np.sin(omega * lag) / omega == pytest.approx(value, rel=2e-4)
     assert -kernels[:, 2] @ np.cos(omega * lag) / omega**2 == pytest.approx(value, rel=2e-4)
+
+
+@pytest.mark.parametrize("rate", [1000.0, 500.0])
+@pytest.mark.parametrize("order", [0, 1, 2])
+def test_what_an_encoders_step_makes_of_speed_and_acceleration_is_foretold(rate: float, order: int) -> None:
+    """Rounding of a motion of many steps is white: a twelfth of the step's square, up to half the rate."""
+    step = 1e-4
+    time = np.arange(int(60 * rate)) / rate
+    angle = 0.7 * np.sin(2 * np.pi * 0.31 * time) + 0.2 * np.sin(2 * np.pi * 0.83 * time)
+    wrong = np.rint(angle / step) * step - angle
+    found = bw.decimate(bw.differentiate(wrong, *bw.derivative_kernels(rate)))[order]
+    told = step**2 / 12.0 * bw.noise_of_derivatives(rate)[order]
+    assert float(np.mean(found**2)) == pytest.approx(told, rel=0.15)

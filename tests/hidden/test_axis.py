@@ -151,6 +151,13 @@ def test_a_rotor_alone_lacks_nothing() -> None:
     assert result.final_model == ()
 
 
+def test_an_encoder_of_two_thousand_steps_is_no_missing_effect(tmp_path: Path) -> None:
+    """Sines that come again to the step: what it makes of the acceleration is the same in every cycle."""
+    result = diagnosed(robots.imported(robots.MACHINES["plain, coarse encoder"], tmp_path))
+    assert result.verdict == "nothing_missing"
+    assert result.score < 1.2  # 1.57 and "not in the catalogue" without a floor for the steps
+
+
 def test_friction_at_one_speed_is_told_although_sixty_times_the_floor() -> None:
     """Laps at an even speed: the law with an unknown more is not refused for leaving four times less.
 

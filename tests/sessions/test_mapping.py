@@ -8,7 +8,7 @@ import math
 import pytest
 
 from fingerlab.core.errors import UserError
-from fingerlab.sessions.mapping import map_columns
+from fingerlab.sessions.mapping import likely_columns, map_columns
 from fingerlab.sessions.text_table import inspect_table
 
 BENCH_HEADER = "time (s)\tcommand (deg)\tposition (deg)\ttorque (Nm)\tMCP (deg)\tPIP (deg)\tforce (N)"
@@ -70,6 +70,16 @@ def test_the_benchs_order_without_a_header(tmp_path):
 def test_headers_that_people_write(tmp_path, header, channel, factor):
     columns = map_columns(table_with(tmp_path, f"nonsense\t{header}"), None)
     assert (columns[1].channel, columns[1].factor) == (channel, pytest.approx(factor))
+
+
+def test_what_a_dialog_starts_from_reads_a_unit_behind_the_name(tmp_path):
+    header = "t_ms\tmotor_current_mA\tmcp_deg\tkraft_N\tmotor_v"
+    likely = likely_columns(table_with(tmp_path, header))
+    assert [one and (one.channel, one.unit) for one in likely[:4]] == [
+        ("time", "ms"), ("motor_current", "mA"), ("mcp_angle", "deg"), ("endpoint_force", "N"),
+    ]  # fmt: skip
+    assert likely[1].factor == 1e-3
+    assert likely[4].channel == "motor_v"  # a velocity more likely than volts
 
 
 def test_inline_json_and_toml_say_the_same(tmp_path):

@@ -131,7 +131,7 @@ class PlotMenu(QObject):
         """Ask where, and write the plot on ``paper``."""
         from ..widgets.plot_figure import save_plot
 
-        proposed = Path(self._context.settings.folder()) / f"{file_name(paper.title or _words(plot))}.png"
+        proposed = Path(self._context.settings.folder()) / f"{self._name_for(plot, paper.title)}.png"
         name, chosen = QFileDialog.getSaveFileName(self._window, "Save the plot", str(proposed), FORMATS)
         if not name:
             return
@@ -144,6 +144,13 @@ class PlotMenu(QObject):
             self._context.tell(str(error))
             return
         self._context.announce(f"Plot saved: {path}", path)
+
+    def _name_for(self, plot: QWidget, title: str) -> str:
+        """A file's name: title, and before it the session that the tab in front shows."""
+        session, _, known = self._window.windowTitle().rpartition(" – ")
+        name = file_name(Path(session).stem) if session and known else ""
+        words = file_name(title or _words(plot))
+        return words if not name or words.startswith(name) else f"{name}-{words}"
 
 
 SIZES = {

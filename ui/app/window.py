@@ -246,6 +246,7 @@ class MainWindow(QMainWindow):
         self.rail.chosen.connect(self.show_tab)
         self.tasks.failed.connect(self._on_failed)
         self.menus.recent.aboutToShow.connect(self._fill_recent)
+        self.menus.tab_menu.aboutToShow.connect(self._refresh)
         context.tab_asked.connect(self.show_tab)
         context.open_asked.connect(self.ask_and_open)
         context.rig_changed.connect(self._on_rig)

@@ -27,6 +27,7 @@ from fingerlab.calibration import SENSORS
 from fingerlab.calibration.sensors import mark_text, read_marks
 from fingerlab.calibration.store import CalibrationRecord
 from fingerlab.calibration.wizard import Phase, Wizard
+from fingerlab.core.text import held_together
 
 from ..app.context import ApplicationContext
 from ..widgets.fields import ActionButton, centred_column, row
@@ -34,7 +35,7 @@ from ..widgets.layout import FLUSH, Spacer, described, hbox, vbox
 from ..widgets.tables import copies, heading, remark
 from ..widgets.theme import large_font, small_font
 from .calibration_pictures import LivePlot, Picture, StabilityLight
-from .result_page import SENSOR_NAMES, held_together, record_words
+from .result_page import SENSOR_NAMES, record_words
 
 TICK_MS = 50
 COLUMNS = {"load-cell": "raw/force_volts", "mcp": "raw/mcp_volts", "pip": "raw/pip_volts"}

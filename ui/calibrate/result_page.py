@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Sequence
 
 from PySide6.QtCore import Qt
@@ -12,14 +11,13 @@ from fingerlab.calibration import Calibration
 from fingerlab.calibration.outcome import CalibrationOutcome, amount_text, compare
 from fingerlab.calibration.sensors import Sensor
 from fingerlab.calibration.store import CalibrationRecord
-from fingerlab.core.text import ParameterEstimate, decimals_for, fixed, printed, r2_text
+from fingerlab.core.text import ParameterEstimate, decimals_for, fixed, held_together, printed, r2_text
 
 from ..widgets.fields import ActionButton
 from ..widgets.layout import FLUSH, SideRoom, hbox
 from ..widgets.tables import WholeLabel, heading, remark
 from .calibration_pictures import FitPlot, ResidualPlot
 
-_AMOUNT = re.compile(r"(?<=\d) (?=(?:g|kg|s|V|mV|N|mN)\b)")
 SENSOR_NAMES = {"load-cell": "Load cell", "mcp": "MCP angle sensor", "pip": "PIP angle sensor"}
 
 
@@ -123,11 +121,6 @@ def record_words(sensor: Sensor, record: CalibrationRecord | None) -> str:
 def _close(unit: str) -> str:
     """A unit behind its number: degrees stand close."""
     return unit if unit == "°" else f" {unit}"
-
-
-def held_together(text: str) -> str:
-    """The same words; no line ends between a number and its unit."""
-    return _AMOUNT.sub("\u00a0", text)
 
 
 def listed(sentences: Sequence[str]) -> str:

@@ -15,7 +15,7 @@ from PySide6.QtCore import (
     Qt,
     Signal,
 )
-from PySide6.QtGui import QColor, QFont, QFontMetrics, QKeyEvent, QPainter
+from PySide6.QtGui import QColor, QFont, QFontMetrics, QKeyEvent, QPainter, QPaintEvent
 from PySide6.QtWidgets import (
     QListView,
     QPushButton,
@@ -149,12 +149,62 @@ def _spoken(row: CandidateRow) -> str:
 
 
 SET_MARK = "≈"
-BAR_SHARE = 0.12
+BAR_SHARE = 0.06
 TIGHT_LETTERS = 52
 """Of a row's width, below which the error with each effect is left to its tooltip."""
 GAP = 8
 WORTH_SAYING = 0.005
 """Probability from which an effect that the data could not show has its number, too."""
+
+
+@dataclass(frozen=True)
+class RowPlaces:
+    """Where the parts of a row stand; ``score`` has no width where room is short."""
+
+    mark: QRect
+    title: QRect
+    score: QRect
+    number: QRect
+    bar: QRect
+
+
+def row_places(row: QRect, metrics: QFontMetrics) -> RowPlaces:
+    """Places within a row: mark, title and, at the right, error with it, probability and its bar."""
+    room = row.adjusted(GAP, 0, -GAP, 0)
+    mark = max(map(metrics.horizontalAdvance, (SET_MARK, EXCHANGE_MARK))) + GAP // 2
+    bar, number = int(room.width() * BAR_SHARE), metrics.horizontalAdvance("> 99 %")
+    # Where room is short the title has it: the error is in the tooltip, and foretold by the bar below.
+    tight = room.width() < TIGHT_LETTERS * metrics.averageCharWidth()
+    score = 0 if tight else metrics.horizontalAdvance(f"> {MOST_FLOORS:.0f}")
+    title = room.width() - mark - bar - number - score - 3 * GAP
+    left, places = room.left(), []
+    for width, gap in ((mark, 0), (title, GAP), (score, GAP), (number, GAP), (bar, 0)):
+        places.append(QRect(left, room.top(), width, room.height()))
+        left += width + gap
+    return RowPlaces(*places)
+
+
+class CandidateHeading(QWidget):
+    """What the numbers in the list below are, above their columns."""
+
+    def __init__(self, view: QListView) -> None:
+        super().__init__()
+        self._view = view
+        self.setFont(small_font())
+        self.setFixedHeight(self.fontMetrics().height())
+        self.setToolTip(HEADING_HELP)
+        self.setAccessibleName("Columns of the list: error with it, in multiples of the floor; probability")
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        shown = self._view.viewport()
+        row = QRect(shown.mapTo(self._view, shown.rect().topLeft()).x(), 0, shown.width(), self.height())
+        places = row_places(row, self._view.fontMetrics())
+        painter = QPainter(self)
+        painter.setPen(QColor(colours_of(self).muted))
+        right = Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
+        if places.score.width():
+            painter.drawText(places.title.united(places.score), right, "error with it, × floor")
+        painter.drawText(places.number.united(places.bar).adjusted(-GAP, 0, 0, 0), right, "probability")
 
 
 class CandidateDelegate(QStyledItemDelegate):
@@ -176,7 +226,7 @@ class CandidateDelegate(QStyledItemDelegate):
         if option.state & QStyle.StateFlag.State_Selected:
             painter.fillRect(room, tint(colours.accent, 0.18))
             painter.fillRect(QRect(room.left(), room.top(), 3, room.height()), QColor(colours.accent))
-        self._paint_row(painter, option, room.adjusted(GAP, 0, -GAP, 0), row, colours)
+        self._paint_row(painter, option, room, row, colours)
         painter.restore()
 
     def _paint_row(
@@ -189,39 +239,27 @@ class CandidateDelegate(QStyledItemDelegate):
     ) -> None:
         metrics = QFontMetrics(option.font)
         middle = Qt.AlignmentFlag.AlignVCenter
-        mark_width = max(map(metrics.horizontalAdvance, (SET_MARK, EXCHANGE_MARK))) + GAP // 2
-        bar_width = int(room.width() * BAR_SHARE)
-        number_width = metrics.horizontalAdvance("> 99 %")
-        # Where room is short the title has it: the error is in the tooltip, and foretold by the bar below.
-        tight = room.width() < TIGHT_LETTERS * metrics.averageCharWidth()
-        score_width = 0 if row.score is None or tight else metrics.horizontalAdvance("→ > 999")
-        text_width = room.width() - mark_width - bar_width - number_width - score_width - 3 * GAP
-        font = QFont(option.font)
-        painter.setFont(font)
+        places = row_places(room, metrics)
+        painter.setFont(QFont(option.font))
         painter.setPen(QColor(colours.text if row.detectable else colours.muted))
         mark = EXCHANGE_MARK if row.replaces else SET_MARK if row.in_set else ""
-        painter.drawText(QRect(room.left(), room.top(), mark_width, room.height()), middle, mark)
-        title = QRect(room.left() + mark_width, room.top(), text_width, room.height())
-        painter.drawText(
-            title, middle, metrics.elidedText(row.title, Qt.TextElideMode.ElideRight, text_width)
-        )
-        score = QRect(title.right() + GAP, room.top(), score_width, room.height())
-        if row.score is not None and score_width:
+        painter.drawText(places.mark, middle, mark)
+        wide = places.title.united(places.score) if row.score is None else places.title
+        title = metrics.elidedText(row.title, Qt.TextElideMode.ElideRight, wide.width())
+        painter.drawText(wide, middle, title)
+        if row.score is not None and places.score.width():
             painter.setPen(QColor(colours.muted))
-            painter.drawText(score, middle | Qt.AlignmentFlag.AlignRight, _score_words(row.score))
+            painter.drawText(places.score, middle | Qt.AlignmentFlag.AlignRight, _score_words(row.score))
             painter.setPen(QColor(colours.text if row.detectable else colours.muted))
-        number = QRect(score.right() + GAP, room.top(), number_width, room.height())
         if not row.detectable:
-            wide = number.adjusted(0, 0, bar_width + GAP, 0)
+            wide = places.number.united(places.bar)
             worth = row.probability >= WORTH_SAYING
             words = f"{percent(row.probability)}, not visible" if worth else "not visible here"
             text = metrics.elidedText(words, Qt.TextElideMode.ElideRight, wide.width())
             painter.drawText(wide, middle | Qt.AlignmentFlag.AlignRight, text)
             return
-        painter.drawText(number, middle | Qt.AlignmentFlag.AlignRight, percent(row.probability))
-        self._paint_bar(
-            painter, QRect(number.right() + GAP, room.top(), bar_width, room.height()), row, colours
-        )
+        painter.drawText(places.number, middle | Qt.AlignmentFlag.AlignRight, percent(row.probability))
+        self._paint_bar(painter, places.bar, row, colours)
 
     def _paint_bar(self, painter: QPainter, room: QRect, row: CandidateRow, colours: Colours) -> None:
         height = max(6, room.height() // 3)
@@ -236,7 +274,7 @@ MOST_FLOORS = 999.0
 
 def _score_words(score: float) -> str:
     """The error to which the effect brings the model, short."""
-    return f"→ {score_text(score)}" if score <= MOST_FLOORS else f"→ > {MOST_FLOORS:.0f}"
+    return score_text(score) if score <= MOST_FLOORS else f"> {MOST_FLOORS:.0f}"
 
 
 LEAST_ROWS = 2
@@ -255,6 +293,10 @@ class CandidateView(QListView):
         super().keyPressEvent(event)
 
 
+HEADING_HELP = (
+    "Error: that of the model with the effect in it, in multiples of the floor, on runs left out of the fit "
+    "where there are several. Probability: that the effect is what is missing."
+)
 OWN_HELP = "A file with law, parameters and explanation to edit, which then takes part in the comparison."
 
 
@@ -293,7 +335,11 @@ class CandidatesPanel(QWidget):
         self._update_button()
 
     def _layout(self) -> None:
-        layout = vbox(self, self.verdict, self.set_text, self.bench, (self.view, 1), margins=FLUSH, spacing=4)
+        head = CandidateHeading(self.view)
+        listed_below = vbox(None, head, (self.view, 1), spacing=0)
+        layout = vbox(
+            self, self.verdict, self.set_text, self.bench, (listed_below, 1), margins=FLUSH, spacing=4
+        )
         row = hbox(None, self.add_button, Spacer(1))
         layout.addLayout(row)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 import pyqtgraph as pg
@@ -11,6 +12,7 @@ from PySide6.QtGui import QKeyEvent
 from PySide6.QtWidgets import QWidget
 
 from fingerlab.diagnosis.answer.results import Comparison, Failure
+from fingerlab.report.diagnosis_words import in_sentence
 from fingerlab.sessions.model import Array
 
 from ..widgets.plots import (
@@ -132,6 +134,15 @@ class ComparisonPlot(pg.GraphicsLayoutWidget):
     def comparison(self) -> Comparison | None:
         """The equation and run shown."""
         return self._shown.comparison if self._shown is not None else None
+
+    @property
+    def figure_title(self) -> str:
+        """Over a figure of what is shown: session, run and quantity."""
+        comparison = self.comparison
+        if comparison is None:
+            return ""
+        name, quantity = Path(comparison.session).stem, equation_text(comparison.equation).quantity
+        return f"{name}, run {comparison.run}: {in_sentence(quantity)}"
 
     def show_comparison(
         self, comparison: Comparison | None, failure: Failure | None, keep_view: bool

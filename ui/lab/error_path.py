@@ -183,7 +183,12 @@ class ErrorPath(QWidget):
         colours = colours_of(self)
         metrics = QFontMetricsF(painter.font())
         text_height = metrics.height()
-        ground = self.height() - text_height - 2  # titles below
+        label = "floor 1.0"
+        left_room = self.width() - metrics.horizontalAdvance(label) - 8
+        widest = max(metrics.horizontalAdvance(bar.title) for bar in self.bars)
+        column = min(max(widest + 24, MIN_COLUMN), left_room / len(self.bars))
+        titles = [_in_lines(bar.title, metrics, column - 8) for bar in self.bars]
+        ground = self.height() - max(map(len, titles)) * text_height - 2  # titles below
         room = ground - text_height - 2  # numbers above
         finite = [bar.score for bar in self.bars if math.isfinite(bar.score)]
         top = max([*finite, FLOOR_SCORE])
@@ -192,20 +197,19 @@ class ErrorPath(QWidget):
             QRectF(0, ground - floor_height, self.width(), floor_height), tint(colours.floor, 0.35)
         )
         painter.setPen(QColor(colours.muted))
-        label = "floor 1.0"
         painter.drawText(
             QRectF(0, ground - floor_height - text_height, self.width() - 4, text_height),
             Qt.AlignmentFlag.AlignRight,
             label,
         )
-        left_room = self.width() - metrics.horizontalAdvance(label) - 8
-        widest = max(metrics.horizontalAdvance(bar.title) for bar in self.bars)
-        column = min(max(widest + 24, MIN_COLUMN), left_room / len(self.bars))
-        for number, bar in enumerate(self.bars):
+        for number, (bar, title) in enumerate(zip(self.bars, titles, strict=True)):
             height = room * min(bar.score, top) / top if math.isfinite(bar.score) else room
-            self._paint_bar(painter, bar, QRectF(number * column, ground - height, column, height), colours)
+            place = QRectF(number * column, ground - height, column, height)
+            self._paint_bar(painter, bar, title, place, colours)
 
-    def _paint_bar(self, painter: QPainter, bar: ErrorBar, room: QRectF, colours: Colours) -> None:
+    def _paint_bar(
+        self, painter: QPainter, bar: ErrorBar, title: Sequence[str], room: QRectF, colours: Colours
+    ) -> None:
         metrics = QFontMetricsF(painter.font())
         width = min(BAR_WIDTH, room.width() - 8)
         body = QRectF(room.left() + 4, room.top(), width, max(room.height(), 1.0))
@@ -221,9 +225,24 @@ class ErrorPath(QWidget):
         number = f"{number} …" if bar.under_way else number if bar.tried else f"({number})"
         above = QRectF(body.left(), body.top() - metrics.height() - 1, room.width() - 8, metrics.height())
         painter.drawText(above, Qt.AlignmentFlag.AlignLeft, number)
-        below = QRectF(body.left(), body.bottom() + 1, room.width() - 8, metrics.height())
-        title = metrics.elidedText(bar.title, Qt.TextElideMode.ElideRight, below.width())
-        painter.drawText(below, Qt.AlignmentFlag.AlignLeft, title)
+        below = QRectF(body.left(), body.bottom() + 1, room.width() - 8, len(title) * metrics.height())
+        painter.drawText(below, Qt.AlignmentFlag.AlignLeft, "\n".join(title))
+
+
+TITLE_LINES = 2
+"""Below a bar, at most; what has no room there ends in an ellipsis and is whole in the tooltip."""
+
+
+def _in_lines(title: str, metrics: QFontMetricsF, width: float) -> list[str]:
+    """A title in lines no wider than ``width`` px, broken between words."""
+    lines = [""]
+    for word in title.split():
+        longer = f"{lines[-1]} {word}".strip()
+        if metrics.horizontalAdvance(longer) <= width or not lines[-1] or len(lines) == TITLE_LINES:
+            lines[-1] = longer
+        else:
+            lines.append(word)
+    return [metrics.elidedText(line, Qt.TextElideMode.ElideRight, width) for line in lines]
 
 
 HEADINGS = ("held-out error", "nominal", "now", "floor", "", "R²")
@@ -258,6 +277,7 @@ class ErrorTable(QWidget):
         while self._labels:
             label = self._labels.pop()
             self._grid.removeWidget(label)
+            label.hide()  # it may be deleted only when a dialog that stands open is shut
             label.deleteLater()
         if history is None:
             return

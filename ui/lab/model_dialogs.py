@@ -142,7 +142,11 @@ class ScorePartsDialog(QDialog):
         self._told: ScoreTable | None = None
         close = QDialogButtonBox(QDialogButtonBox.StandardButton.Close)
         close.rejected.connect(self.reject)
-        hint = remark("Click a number to see its curves. Ctrl+C copies the table, or what is chosen of it.")
+        hint = remark(
+            "Click a number to see its curves. Equations whose noise goes together are weighed together: "
+            "what they miss alike counts once, in that which tells it more sharply, so that little can stand "
+            "for curves that lie far apart. Ctrl+C copies the table, or what is chosen of it."
+        )
         vbox(self, self.title, self.words, (self.table, 1), hint, close, spacing=8)
 
     def show_diagnosis(self, diagnosis: Diagnosis) -> None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from math import exp
 from typing import Any
 
-from fingerlab.core.text import decimals_for, fixed, percent, score_text, screen_unit
+from fingerlab.core.text import NO_BREAK, decimals_for, fixed, percent, score_text, screen_unit
 from fingerlab.diagnosis.answer.results import (
     EQUATION_TITLES,
     Candidate,
@@ -125,7 +125,6 @@ def equation_text(equation: str) -> EquationText:
 
 NOTHING = "nothing_missing"
 UNKNOWN = "not_in_catalogue"
-NO_BREAK = "\u00a0"
 OUTCOME_TITLES = {NOTHING: NOTHING_WORDS, UNKNOWN: UNKNOWN_WORDS}
 NAMED = 4
 """Effects that are named where room is short; the rest is counted, and marked in the list."""

@@ -48,8 +48,8 @@ COLUMNS = (
         "Held-out runs",
         "Runs that were told the same motion; each is left out of the fit that is scored on it.",
     ),
-    ("Nominal", f"{FLOORS} With the nominal model."),
-    ("Now", f"{FLOORS} With the present model."),
+    ("Nominal, × floor", f"{FLOORS} With the nominal model."),
+    ("Now, × floor", f"{FLOORS} With the present model."),
 )
 LEAST_ROWS = 3
 ROOM = 4

@@ -186,10 +186,11 @@ class ShapePlot(QuietPlot):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__("shapePlot", "Loop, autocorrelation or spectrum of the run shown", parent)
         self.shape: Shape | None = None
+        self.quantity = ""
 
-    def show_shape(self, shape: Shape | None) -> None:
-        """Another picture; None: none can be drawn."""
-        self.shape = shape
+    def show_shape(self, shape: Shape | None, quantity: str = "") -> None:
+        """Another picture; None: none can be drawn. ``quantity``: what stands upwards, if not the shape's."""
+        self.shape, self.quantity = shape, quantity
         self.redraw()
 
     def redraw(self) -> None:
@@ -203,7 +204,7 @@ class ShapePlot(QuietPlot):
             return
         every = [np.concatenate(values) for values in zip(*shape.curves.values(), strict=True)]
         across, up = (_unit(axis, v) for axis, v in zip((shape.across[1], shape.up[1]), every, strict=True))
-        self.name_axes(shape.up[0], up, across.label(shape.across[0]))
+        self.name_axes(self.quantity or shape.up[0], up, across.label(shape.across[0]))
         for name, (x, y) in shape.curves.items():
             pen = self.pen(name, 1.0, dashed=name == "modelled")
             plot.addItem(plain_curve(across.factor * x, up.factor * y, pen, name))
@@ -341,7 +342,9 @@ class WherePanel(QWidget):
         )
         if chosen in SHAPE_TITLES:
             self.words.setText(SHAPE_WORDS[chosen])
-            self.shape.show_shape(SHAPES[chosen](self._comparison) if self._comparison is not None else None)
+            shape = SHAPES[chosen](self._comparison) if self._comparison is not None else None
+            upwards = {**dict.fromkeys(LOOPS, quantity), "spectrum": "Residual"}
+            self.shape.show_shape(shape, upwards.get(chosen, ""))
             return
         self.plot.show_profile(found)
         self.words.setText(worst_words(found) if found is not None else "")

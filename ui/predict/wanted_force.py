@@ -334,8 +334,12 @@ class WantedView(QObject):
 
 def outcome_words(plan: TorquePlan) -> str:
     """Torque with interval, and current."""
-    half = 1e3 * float(plan.half_width.mean())
-    digits = min(decimals_for(half), 3) if half == half else 0
-    least, most = (fixed(1e3 * float(value), digits) for value in (plan.torque.min(), plan.torque.max()))
-    spread = f" ± {fixed(half, digits)}" if half == half else ""
-    return f"{least} to {most}{spread} mN m, {plan.current.min():.2g} to {plan.current.max():.2g} A"
+    ends = [int(np.argmin(plan.torque)), int(np.argmax(plan.torque))]
+    halves = [1e3 * float(plan.half_width[place]) for place in ends]
+    known = all(half == half for half in halves)
+    digits = min(decimals_for(min(halves)), 3) if known else 0
+    said = [
+        fixed(1e3 * float(plan.torque[place]), digits) + (f" ± {fixed(half, digits)}" if known else "")
+        for place, half in zip(ends, halves, strict=True)
+    ]
+    return f"{' to '.join(said)} mN m, {plan.current.min():.2g} to {plan.current.max():.2g} A"

@@ -201,9 +201,9 @@ def about(facts: SessionFacts, verdict: Verdict | None) -> str:
     return "\n".join(lines)
 
 
-WIDTHS = {MOTOR: 12, RECORDED: 13, LENGTH: 13, PHASES: 13, RIG: 10, QUALITY: 14, VERDICT: 20, TAGS: 10}
+WIDTHS = {MOTOR: 12, RECORDED: 12, LENGTH: 12, PHASES: 12, RIG: 11, QUALITY: 11, VERDICT: 20, TAGS: 10}
 """Widths in characters; the name takes the rest, and gives the verdict a share of what it does not need."""
-NAME_NEEDS, VERDICT_MOST = 32, 44
+NAME_NEEDS, VERDICT_MOST = 27, 44
 """Characters: what a name gets first, and the most that a verdict gets."""
 
 

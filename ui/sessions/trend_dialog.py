@@ -10,7 +10,7 @@ import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import QPointF, Qt, Signal
 from PySide6.QtGui import QMouseEvent
-from PySide6.QtWidgets import QComboBox, QLabel, QTabWidget, QWidget
+from PySide6.QtWidgets import QComboBox, QLabel, QPushButton, QTabWidget, QWidget
 
 from fingerlab.batch.benches import folders_of, shared_effects, two_groups
 from fingerlab.batch.changes import BenchChange, NumberCourse, beside, changes, courses
@@ -56,7 +56,7 @@ MEANINGS = (
     "On the second bench, with its 90 % interval.",
     "Zero inside the interval: no difference is seen.",
 )
-NAME_HELP = "A folder below this one, or a pattern of session names such as left-*; then Enter."
+NAME_HELP = "A folder below this one, or a pattern of session names such as left-*; then Compare, or Enter."
 
 
 def _name(name: str, words: str) -> QComboBox:
@@ -86,11 +86,13 @@ class BenchesPage(QWidget):
             "Both alike, both of another strength, one alone and neither are weighed against one another by "
             "their evidence. Ctrl+C copies the table."
         )
+        self.button = described(QPushButton("Co&mpare"), "compareBenches", tip="Of the two that are named.")
+        self.button.clicked.connect(self.compare)
         self._contents: Contents | None = None
         first, second = QLabel("&First"), QLabel("&Second")
         first.setBuddy(self.first)
         second.setBuddy(self.second)
-        chosen = hbox(None, first, self.first, second, self.second, Spacer(1), spacing=8)
+        chosen = hbox(None, first, self.first, second, self.second, self.button, Spacer(1), spacing=8)
         vbox(self, chosen, self.words, (self.table, 1), self.hint, Spacer(), spacing=8)
 
     def show_contents(self, contents: Contents) -> None:
@@ -109,7 +111,11 @@ class BenchesPage(QWidget):
         names = self.first.currentText().strip(), self.second.currentText().strip()
         cells: list[tuple[str, ...]] = []
         if self._contents is None or not all(names):
-            said = "Name two benches: each a folder below this one, or a pattern of session names."
+            said = (
+                "Name two benches, each a folder below this one or a pattern of session names such as "
+                "left-*, and press Compare: which effects they share, and how strong they are on each, will "
+                "stand here."
+            )
         else:
             try:
                 groups = two_groups(self._contents.rows, *names)
@@ -310,7 +316,7 @@ class TrendDialog(ResultDialog):
         found = changes(contents.rows, contents.units, told)
         self._changes = {name: one for one in reversed(found) for name in (*one.others, one.column) if name}
         self._trends = _with_courses(trends(contents.rows, contents.units), told, self._rows)
-        self.title.setText(f"{len(self._rows)} sessions of {folder.name} with a verdict and a time")
+        self.title.setText(f"{len(self._rows)} sessions in “{folder.name}” with a verdict and a time")
         self.words.setText(self._said(found))
         led = {one.column for one in found}
         self._trends.sort(key=lambda one: self._rank(one.column, led))

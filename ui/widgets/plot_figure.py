@@ -28,6 +28,7 @@ from PySide6.QtWidgets import QWidget
 
 from fingerlab.core.errors import UserError
 from fingerlab.core.files import whole_file
+from fingerlab.core.text import NO_BREAK
 from fingerlab.report.figure_style import DPI, LABEL_SIZE, TICK_SIZE, TITLE_SIZE, legend_below
 from fingerlab.sessions.model import Array
 
@@ -50,7 +51,6 @@ BUCKETS = 2000
 """Of a long curve, at least five a printed millimetre; the eye sees no more, and the file stays small."""
 STACK_GAP = 0.02
 HATCH = "////"
-NO_BREAK = "\u00a0"
 STYLES = {
     Qt.PenStyle.SolidLine: "solid",
     Qt.PenStyle.DashLine: "dashed",
@@ -86,13 +86,14 @@ class Paper:
 
 
 def paper_of(widget: QWidget) -> Paper:
-    """As large as on a screen of 96 dots per inch, twice as fine, under the plot's own name.
+    """As large as on a screen of 96 dots per inch, twice as fine, under the plot's own title, or name.
 
     A plot that is low on the screen becomes higher: a figure has a title and a legend, too.
     """
     scale = MILLIMETRES_PER_INCH / PIXELS_PER_INCH
     height = max(widget.height() * scale, LEAST_HEIGHT)
-    return Paper(widget.width() * scale, height, title=widget.accessibleName())
+    title = getattr(widget, "figure_title", "") or widget.accessibleName()
+    return Paper(widget.width() * scale, height, title=title)
 
 
 def picture(widget: QWidget, kind: str, paper: Paper | None = None) -> bytes:

@@ -46,6 +46,8 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from fingerlab.core.text import held_together
+
 from .layout import Spacer, as_written, described, vbox
 from .theme import large_font, small_font
 
@@ -184,7 +186,26 @@ class LinesLabel(ElidedLabel):
         laid.draw(painter, QPointF(room.left(), room.top() + max(0.0, spare) / 2.0))
 
 
-class WholeLabel(QLabel):
+class WordsLabel(QLabel):
+    """Words whose lines never end between a number and its unit."""
+
+    def __init__(self, text: str = "", parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setText(text)
+
+    def setText(self, text: str) -> None:
+        self._text = text
+        super().setText(held_together(text))
+
+    def text(self) -> str:
+        """The words as they were given."""
+        return self._text
+
+    def clear(self) -> None:
+        self.setText("")
+
+
+class WholeLabel(WordsLabel):
     """Wrapped words that keep the height that they need at their width: a layout cuts none of them."""
 
     def __init__(self, text: str = "", parent: QWidget | None = None) -> None:
@@ -227,7 +248,7 @@ def heading(text: str = "", large: bool = False) -> QLabel:
 
 def remark(text: str = "", wrap: bool = True) -> QLabel:
     """A quiet label for side remarks."""
-    label = described(QLabel(text), font=small_font(), role="muted")
+    label = described(WordsLabel(text), font=small_font(), role="muted")
     label.setTextFormat(Qt.TextFormat.PlainText)
     label.setWordWrap(wrap)
     return label

@@ -139,6 +139,23 @@ def fill_missing_noise(reduced: Reduced) -> None:
             _give(alike if variance > 0 else [], noise, 1.0)
 
 
+def add_encoder_noise(reduced: Reduced) -> None:
+    """Let the speed and acceleration of a motor alone be no quieter than its encoder's steps make them.
+
+    A motion that comes again to the step has the same error in every cycle, which passes for misfit.
+    """
+    for group in reduced.groups:
+        if not (group.on_bench and group.noise_samples > 0 and group.encoder_noise):
+            continue
+        for name, order in (("bench_trace", 1), ("bench_inertia", 2)):
+            feature = reduced.layout.nuisance_features.get(name)
+            if feature is None:
+                continue
+            signal = int(reduced.layout.signals[reduced.layout.features.index(feature)])
+            least = group.noise_samples * group.encoder_noise[order]
+            group.noise[signal, signal] = max(group.noise[signal, signal], least)
+
+
 def torque_noise(reduced: Reduced) -> float:
     """Variance of the motor's torque that does not repeat in a finger's runs, (N m)^2; 0: not known."""
     known = [g for g in reduced.groups if g.noise_samples > 0 and not g.on_bench]

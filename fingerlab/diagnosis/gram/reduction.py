@@ -433,6 +433,7 @@ def _add(group: Group, k: int, found: RunSums, number: int, motion: int | None) 
     for cycle in found.cycles if motion is not None else ():
         group.cycles.setdefault((motion, cycle.stretch), []).append(cycle)
     group.encoder_variance = max(group.encoder_variance, found.encoder_variance)
+    group.encoder_noise = max(group.encoder_noise, found.encoder_noise)
     group.state_products += [found.state_products] if found.state_products else []
 
 

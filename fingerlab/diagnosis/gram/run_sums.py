@@ -35,6 +35,7 @@ from fingerlab.diagnosis.gram.sums import Cycle, PairSums, Part, RunSums, Sums
 from fingerlab.diagnosis.settings import NARROW_RATE_HZ, TASKS_AHEAD, TREND_DEGREE
 from fingerlab.diagnosis.signals.conditions import GroupKey
 from fingerlab.diagnosis.signals.contradictions import facts_of
+from fingerlab.diagnosis.signals.filters import noise_of_derivatives
 from fingerlab.diagnosis.signals.segments import segments_of, senses
 from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import Effect, Shape
@@ -169,6 +170,8 @@ def run_sums(
                 stretch = told, float(low.time[0]), float(low.time[-1]), len(low.time)
                 result.cycles.append(Cycle(stretch, low.live + asked.start, cyclic))
         result.encoder_variance = (motion.radius * motion.position_step) ** 2 / 12.0
+        of_a_step = motion.position_step**2 / 12.0
+        result.encoder_noise = tuple(of_a_step * one for one in noise_of_derivatives(run.sample_rate_hz))
         if keep is not None:
             keep(session, run, low)
     return result

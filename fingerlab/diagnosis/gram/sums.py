@@ -366,6 +366,7 @@ class RunSums:
     senses: list[Senses] = field(default_factory=list)
     facts: Facts | None = None  # what its channels say of each other; on a first reading
     encoder_variance: float = 0.0
+    encoder_noise: tuple[float, ...] = ()
     state_products: list[Array] = field(default_factory=list)
     """Where no motion comes again: see ``state_law``, one for each block."""
     cycles: list[Cycle] = field(default_factory=list)
@@ -408,6 +409,8 @@ class Group:
     noise: Array
     noise_samples: float = 0.0
     encoder_variance: float = 0.0  # m^2 of cable: what a standing encoder's step leaves open
+    encoder_noise: tuple[float, ...] = ()
+    """What the step of an encoder that moves makes of its angle, speed and acceleration, squared, SI."""
     dealt: list[Fold] = field(default_factory=list)
     trends: dict[tuple[int, int], list[Array]] = field(default_factory=dict)
     """While runs are read: slow trends by condition and stretch, (signals, degrees) for each run."""

@@ -20,6 +20,7 @@ from fingerlab.diagnosis.equations.model import Choice, Model, build
 from fingerlab.diagnosis.equations.parameters import TIP_LAWS, TORQUE_ZERO
 from fingerlab.diagnosis.fit.data import Data, FoldNumbers, Weighted, Weights, change, own_to_a_run
 from fingerlab.diagnosis.fit.noise import (
+    add_encoder_noise,
     fill_missing_noise,
     first_weights,
     noise_covariance,
@@ -52,6 +53,7 @@ class Scorer:
         with ThreadPoolExecutor() as threads:  # large matrices, for once: a core each
             list(threads.map(attrgetter("whole"), reduced.groups))
             self._arms = starting_arms(reduced.layout, reduced.groups)
+            add_encoder_noise(reduced)
             fill_missing_noise(reduced)
         self.data = Data(reduced.groups, reduced.constants)
         self._models: dict[tuple[object, ...], Model] = {}

@@ -34,7 +34,9 @@ from fingerlab.diagnosis.settings import (
     MUCH,
     NEXT_SHARE,
     SYSTEMATIC_VALUES,
+    USUAL_FREEDOM,
     USUAL_LEFT,
+    USUAL_POINTS,
 )
 from fingerlab.sessions.model import Array
 
@@ -51,7 +53,8 @@ def justified(base: FittedModel, fitted: FittedModel, level: float = 0.0, reach:
     explained = min(explained, max(base.misfit, reach, 0.0))  # what lies below the floor is no misfit
     heat = fitted.heat()
     in_contact = contact_charge(base, fitted)
-    likely = 0.5 * (fall - charge(base, fitted) - in_contact * fitted.count) / heat > DECIDING_LOG_ODDS
+    gain = 0.5 * (fall - charge(base, fitted) - in_contact * fitted.count) / heat
+    likely = gain > DECIDING_LOG_ODDS + cost_of_choice(fitted)
     return bool(likely and explained > least_explained(base, base.misfit, base.count, in_contact))
 
 
@@ -83,6 +86,16 @@ def freedom(fitted: FittedModel) -> int:
     effect = fitted.last_effect
     gains = len(fitted.model.last_gains) - len(effect.offsets)  # what the losses could be explains no misfit
     return gains + len(effect.relaxes) + (1 if len(effect.shapes) > 3 else 0)
+
+
+def cost_of_choice(fitted: FittedModel) -> float:
+    """Log odds that the model's last effect must overcome for being more flexible than effects usually are.
+
+    By chance one of many points of a grid fits better than one of few, and many gains better than two.
+    """
+    points = len(fitted.last_effect.shapes)
+    beyond = max(freedom(fitted) - USUAL_FREEDOM, 0)
+    return COST_OF_A_GAIN * beyond + math.log(max(points / USUAL_POINTS, 1.0))
 
 
 def charge(base: FittedModel, fitted: FittedModel) -> float:

@@ -95,7 +95,8 @@ class ScoreTest:
         places = self.layout.indices(effect.id, shape)
         names = [name for name in effect.gains if name not in effect.offsets]
         pick = _picks([self.layout.features[i] for i in places], names)
-        gains = [effect.gains[name] for name in names]
+        within = effect.gains_at(shape)
+        gains = [within[name] for name in names]
         curvature = np.diag([WEAK_PRIOR / g.typical**2 for g in gains])
         slope = np.zeros(len(gains))
         shared = np.zeros((len(self.free), len(gains)))

@@ -13,6 +13,7 @@ friction; formed at 40 Hz it does not.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -199,6 +200,22 @@ _NARROW = low_pass_kernel(NARROW_TAPS, NARROW_CUTOFF_HZ, WIDE_RATE_HZ)
 EFFECTIVE_SHARE = float(1.0 / (NARROW_RATE_HZ / WIDE_RATE_HZ * np.sum(_NARROW**2) ** -1))
 """Independent samples per decimated sample of white noise: noise bandwidth over Nyquist frequency."""
 EFFECTIVE_SHARE = min(1.0, EFFECTIVE_SHARE)
+
+
+@lru_cache(maxsize=32)
+def noise_of_derivatives(rate: float) -> tuple[float, ...]:
+    """Variance that white noise of 1 unit^2 at ``rate`` (Hz) leaves, low-passed, of a signal and its slopes.
+
+    Of the signal, its first and its second derivative: 1, 1/s^2 and 1/s^4.
+    """
+    frequency = np.linspace(0.0, 0.5 * min(rate, WIDE_RATE_HZ), 1024)
+
+    def passed(kernels: Array, at: float) -> Array:
+        turns = np.outer(frequency, np.arange(len(kernels)) / at)
+        return np.asarray(np.abs(np.exp(-2j * np.pi * turns) @ kernels) ** 2)
+
+    both = passed(derivative_kernels(rate)[0], rate) * passed(_NARROW[:, None], WIDE_RATE_HZ)
+    return tuple(float(np.trapezoid(one, frequency)) / (0.5 * rate) for one in both.T)
 
 
 def decimated_count(length: int) -> int:

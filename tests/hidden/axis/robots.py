@@ -337,8 +337,12 @@ MACHINES: Mapping[str, Joint] = {
     "plain, loads": Joint(
         fourier(1.0, 0.2, 4, 7), 0.05, noise=0.01, loads=(0.0, 0.2, 0.4, 0.6), rate=500.0
     ),
+    "plain, coarse encoder": Joint(
+        sines(0.5, (0.5, 0.3, 0.7)), 0.02, noise=0.005, step=2 * np.pi / 2000, runs=3, seconds=8.0, seed=2,
+        torque_step=0.01,
+    ),
     "plain, sines": Joint(
         sines(0.6, (0.5, 1.0, 0.25, 0.7)), 0.01, noise=0.004, step=1e-4, rate=250.0, seconds=10.0
     ),
 }  # fmt: skip
-"""Of the kinds that are logged in public; the last six have nothing that the model lacks."""
+"""Of the kinds that are logged in public; the last seven have nothing that the model lacks."""

@@ -62,6 +62,23 @@ def test_a_menu_entry_that_cannot_be_used_looks_so(make_window: Any, appearance:
     assert max(idle) < 0.5 * min(usable)
 
 
+def test_a_link_that_cannot_be_used_looks_so(make_window: Any, appearance: Appearance) -> None:
+    window: MainWindow = make_window()
+    window.show_tab("model_lab")
+    link = child(window, QPushButton, "example_joint-friction")
+
+    def colourful() -> float:
+        picture = link.grab().toImage()
+        every = [picture.pixelColor(x, y) for x in range(picture.width()) for y in range(picture.height())]
+        return max(
+            max(one.red(), one.green(), one.blue()) - min(one.red(), one.green(), one.blue()) for one in every
+        )
+
+    assert colourful() > 100
+    link.setEnabled(False)
+    assert colourful() < 30
+
+
 def test_each_tabs_menu_has_a_letter_of_its_own(make_window: Any) -> None:
     window: MainWindow = make_window()
     for key in ("acquire", "calibrate", "sessions", "fit", "predict", "model_lab"):

@@ -14,6 +14,7 @@ from PySide6.QtWidgets import QApplication, QComboBox, QLabel
 from pytestqt.qtbot import QtBot
 
 from fingerlab.diagnosis.answer.results import Diagnosis, HeldOutRuns
+from fingerlab.diagnosis.answer.where import FINER
 from fingerlab.ui.app.window import MainWindow
 from fingerlab.ui.lab.comparison_plot import ComparisonPlot
 from fingerlab.ui.lab.truth import HeldOutTable
@@ -149,6 +150,7 @@ def test_a_click_on_a_held_out_run_shows_it(qtbot: QtBot, make_window: Any, sess
     assert shown.run == "003"
 
 
+@pytest.mark.qt_log_ignore("This plugin does not support")
 def test_loops_and_spectra_stand_beside_where(opened: MainWindow) -> None:
     view = lab_of(opened).view
     view.go_to("where")
@@ -169,6 +171,17 @@ def test_loops_and_spectra_stand_beside_where(opened: MainWindow) -> None:
     assert shape.shape.title == "Loop over the angle"
     view.bar.go_to("pip_torque", "003")  # what is chosen stays with another run and equation
     assert choice.currentText() == "Loop over the angle of this run"
-    assert shape.shape.curves["measured"][1] is view.bar.comparison().measured
+    comparison = view.bar.comparison()
+    place, measured = shape.shape.curves["measured"]
+    assert np.array_equal(measured[::FINER], comparison.measured, equal_nan=True)
+    # Between the samples it is a curve, in steps that are a share of theirs, and not a straight line.
+    angle = comparison.coordinates["joint angle pip"]
+    assert np.array_equal(place[::FINER], angle, equal_nan=True)
+    assert np.nanmax(np.abs(np.diff(place))) < 0.3 * np.nanmax(np.abs(np.diff(angle)))
+    assert view.where.shape.getPlotItem().getAxis("left").labelText.startswith("PIP torque")
+    opened.plots.ask_and_save(view.plot)
+    assert opened.plots.dialog is not None
+    assert opened.plots.dialog.title.text() == "invented, run 003: PIP torque"
+    opened.plots.dialog.reject()
     QTest.keyClick(choice, Qt.Key.Key_Home)
     assert view.where.plot.isVisible()

@@ -279,10 +279,11 @@ def test_a_wanted_force_becomes_a_torque(qtbot: QtBot, wanting: MainWindow) -> N
 def test_a_torque_has_the_digits_of_its_interval(wanting: MainWindow) -> None:
     plan = predict_of(wanting).wanted.plan
     assert plan is not None
-    ends, half = np.array([0.10634, 0.19683]), np.array([0.0022, 0.0022])
+    ends, half = np.array([0.10634, 0.19683]), np.array([0.0022, 0.0071])
     known = replace(plan, torque=ends, half_width=half, current=np.array([0.81, 1.5]))
-    assert outcome_words(known) == "106 to 197 ± 2 mN m, 0.81 to 1.5 A"
-    assert outcome_words(replace(known, half_width=half / 10)) == "106.3 to 196.8 ± 0.2 mN m, 0.81 to 1.5 A"
+    assert outcome_words(known) == "106 ± 2 to 197 ± 7 mN m, 0.81 to 1.5 A"
+    finer = replace(known, half_width=half / 10)
+    assert outcome_words(finer) == "106.3 ± 0.2 to 196.8 ± 0.7 mN m, 0.81 to 1.5 A"
 
 
 def test_a_force_beyond_the_limits_says_so_and_cannot_be_handed_over(

@@ -219,9 +219,13 @@ def test_two_benches_side_by_side(qtbot: QtBot, make_window, make_session, tmp_p
     line = dialog.benches.second.lineEdit()
     line.selectAll()
     QTest.keyClicks(line, "middle")
-    QTest.keyClick(line, Qt.Key.Key_Return)
+    click(dialog, "compareBenches")
     assert said.text().startswith("No session with a verdict and a time is in 'middle'")
     assert not table.isVisible()
+    line.selectAll()
+    QTest.keyClicks(line, "right")
+    QTest.keyClick(line, Qt.Key.Key_Return)
+    assert table.isVisible()
     assert dialog.isVisible()  # Return compared, and closed nothing
     QTest.keyClick(dialog, Qt.Key.Key_Escape)
 
