@@ -229,7 +229,7 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
     probabilities, calibration = calibrated(evidence.odds, verdict, *usual)
     told = dict(zip(evidence.odds.answers, map(float, probabilities), strict=True))
     stuck = held_back(scorer, evidence)
-    chosen = _cannot_be_ruled_out(evidence, calibration)
+    chosen = _cannot_be_ruled_out(evidence, calibration, told)
     chosen += [i for i in stuck if i not in chosen]
     reduction, by_last = question.reduction, found.refined or scorer
 
@@ -308,13 +308,23 @@ def _paired(
     return tuple(found)
 
 
-def _cannot_be_ruled_out(evidence: Evidence, said: CalibratedAnswer) -> list[int]:
-    """Indices of the effects that are left open, likeliest first; the verdict's own is among them."""
+def _cannot_be_ruled_out(evidence: Evidence, said: CalibratedAnswer, told: Mapping[str, float]) -> list[int]:
+    """Indices of the effects that are left open, likeliest first; the verdict's own is among them.
+
+    Args:
+        told: calibrated probability of every answer.
+    """
     if evidence.verdict == "not_in_catalogue":
         return []
+    names = [c.last_effect.id for c in evidence.candidates]
     if evidence.verdict == "nothing_missing":
-        return undetectable(evidence)  # 95 % of the hidden ones would be most of the catalogue
-    index = {c.last_effect.id: i for i, c in enumerate(evidence.candidates)}
+        # Of the hidden ones 95 % would be most of the catalogue: those that could hide, and what is seen
+        # and nearly as likely as nothing.
+        near = float(np.exp(-SET_LOG_ODDS)) * told[NOTHING]
+        hidden = undetectable(evidence)
+        seen = [i for i, name in enumerate(names) if told[name] >= near and i not in hidden]
+        return sorted([*hidden, *seen], key=lambda i: -told[names[i]])
+    index = {name: i for i, name in enumerate(names)}
     chosen = [index[name] for name in said.cannot_be_ruled_out if name in index]
     if evidence.verdict == "missing_effect" and not chosen:
         chosen = [int(np.argmax(evidence.probabilities))]

@@ -186,15 +186,25 @@ def reveal_session(path: Path) -> dict[str, Any]:
     """
     attributes = open_session(path).attributes
     if SEALED in attributes:
-        return {**unseal(str(attributes[SEALED]), str(path)), "sealed": True}
+        return _with_effects(unseal(str(attributes[SEALED]), str(path)), path, sealed=True)
     if SIMULATION in attributes:
         told = attributes[SIMULATION]
         what = f"{path}, attribute '{SIMULATION}',"
-        return {**read_object(told, what, "simulate the session again"), "sealed": False}
+        return _with_effects(read_object(told, what, "simulate the session again"), path, sealed=False)
     raise UserError(
         f"{path} was not simulated by FingerLab, so there is nothing to reveal; "
         f"give a session from 'simulate'."
     )
+
+
+def _with_effects(told: dict[str, Any], path: Path, sealed: bool) -> dict[str, Any]:
+    effects = told.get("effects")
+    numbers = effects.values() if isinstance(effects, dict) else [None]
+    if not all(isinstance(n, dict) and all(isinstance(v, int | float) for v in n.values()) for n in numbers):
+        raise UserError(
+            f"{path} was simulated, but does not say with which effects and numbers; simulate it again."
+        )
+    return {**told, "sealed": sealed}
 
 
 def _hidden_rng(seed: int) -> np.random.Generator:

@@ -32,6 +32,18 @@ def test_the_one_that_leaves_less_between_its_points_is_named() -> None:
     assert shares.sum() == pytest.approx(evidence.probabilities.sum())
 
 
+def test_the_less_likely_one_leaves_at_least_what_it_is_less_likely_by() -> None:
+    evidence = tied(6.0)
+    refined = [leaving(5.0, PAIR[0]), leaving(5.0, PAIR[1])]
+    count = refined[0].count
+    # Under the weights of the second both leave 5 of each value; under its own, the first is less likely by
+    # 15 of each, so that it leaves 20.
+    after = untied(evidence, [0, 1], refined, np.array([15.0 * count, 0.0]))
+    left = [20.0 + 0.003 * (BEFORE - 5.0), 5.0 + 0.003 * (BEFORE - 5.0)]
+    odds = ((left[0] + 0.02 - 0.14) / (left[1] + 0.02 - 0.14)) ** 8
+    assert np.exp(after.log_odds[1] - after.log_odds[0]) == pytest.approx(odds * np.exp(-0.5), rel=0.02)
+
+
 def test_alike_they_stay_alike() -> None:
     evidence = tied(6.0)
     after = untied(evidence, [0, 1], [leaving(5.0, PAIR[0]), leaving(5.0, PAIR[1])])

@@ -201,3 +201,19 @@ def test_phase_and_cable_must_go_together() -> None:
         single_run(wave, "motor_bench", "flexion")
     with pytest.raises(UserError, match="flexion cable"):
         single_run(wave, "contact", "extension")
+
+
+@pytest.mark.parametrize("told", ['{"population": true}', '{"effects": ["delay"]}', '{"effects": {"a": 1}}'])
+def test_a_simulation_that_names_no_effects_is_told_in_a_sentence(tmp_path: Path, told: str) -> None:
+    path = tmp_path / "told.h5"
+    made = CliRunner().invoke(
+        simulate,
+        ["--trajectory", json.dumps(SHORT[0].trajectory), "--phase", "on_air", "--cable", "extension",
+         "--out", str(path)],
+    )  # fmt: skip
+    assert made.exit_code == 0, made.output
+    with h5py.File(path, "r+") as file:
+        file.attrs["simulation"] = told
+    result = CliRunner().invoke(reveal, [str(path)])
+    assert isinstance(result.exception, UserError)
+    assert "does not say with which effects" in str(result.exception)

@@ -106,12 +106,12 @@ class Evidence:
         return "missing_effect" if found >= self.unknown else "not_in_catalogue"
 
 
-def judge(base: FittedModel, candidates: Sequence[FittedModel]) -> Evidence:
+def judge(base: FittedModel, candidates: Sequence[FittedModel], deviances: Array | None = None) -> Evidence:
     """Probabilities of "nothing missing", of every candidate's last effect, and of something unknown.
 
     Args:
         base: the model as given. candidates: it with one effect more, each; all scored on held-out runs where
-            they could matter.
+            they could matter. deviances: as of :func:`log_odds_among`.
     """
     zero, count = max(base.misfit, 0.0), base.count
     charged = np.array([t.misfit + charge(base, t) for t in candidates])
@@ -124,7 +124,7 @@ def judge(base: FittedModel, candidates: Sequence[FittedModel]) -> Evidence:
     unexplained = (1.0 - UNKNOWN_SHARE) * zero + least_unknown * count + 2 * DECIDING_LOG_ODDS * heat
     unknown = -0.5 * unexplained / heat + np.log(PRIOR_UNKNOWN)
     logs = np.array([np.logaddexp.reduce(effects), nothing, unknown])
-    log_odds = log_odds_among(base, candidates)
+    log_odds = log_odds_among(base, candidates, deviances)
     least_left = max(float(min(charged, default=zero)), 0.0) / max(count, 1.0)
     found, none, other = _shared(logs)
     shares = found * shares_of(log_odds)

@@ -118,15 +118,25 @@ def much_left(fitted: FittedModel, much: float = MUCH) -> bool:
     return fitted.misfit > much * fitted.count
 
 
-def log_odds_among(base: FittedModel, candidates: Sequence[FittedModel]) -> Array:
+def log_odds_among(
+    base: FittedModel, candidates: Sequence[FittedModel], deviances: Array | None = None
+) -> Array:
     """Log odds of the effects among each other, against the best, (candidates,): if one of them, then which?
 
     What the best of them leaves beyond the usual is systematic, the error of its law, and the other laws have
     errors of unknown size, too: the odds go by how many times as much a model leaves, not by the difference.
+
+    Args:
+        deviances: of the models, each under its own weights, (candidates,). Under wide weights, those of a
+            law whose column is noisy, all leave about the same; then what a model leaves beyond the likeliest
+            is at least what it is less likely by. None: weights of one model suit all.
     """
     if not candidates:
         return np.zeros(0)
     left = np.array([max(t.misfit + charge(base, t), 0.0) / max(t.count, 1.0) for t in candidates])
+    if deviances is not None:
+        count = np.array([max(t.count, 1.0) for t in candidates])
+        left = np.maximum(left, left[np.argmin(deviances)] + (deviances - deviances.min()) / count)
     log = by_what_is_left(left)
     log -= COST_OF_A_GAIN * np.array([freedom(t) for t in candidates])
     log -= 0.5 * np.array([t.prior_penalty for t in candidates])

@@ -39,6 +39,7 @@ from fingerlab.diagnosis.settings import (
     USUAL_LEFT,
 )
 from fingerlab.effects.base import Effect, Shape, of_shape
+from fingerlab.sessions.model import Array
 
 
 def fit_effects(scorer: Scorer, effects: Sequence[Effect]) -> FittedModel:
@@ -322,12 +323,12 @@ def break_ties(
             refined.append((scorer, alone))
             weights = alone.weights
     # All are scored in the floors of the likeliest.
-    floors = min((by.deviance(fitted), k) for k, (by, fitted) in enumerate(refined))[1]
-    under = refined[floors][1].weights
+    deviances = np.array([by.deviance(fitted) for by, fitted in refined])
+    under = refined[int(np.argmin(deviances))][1].weights
     scored = [
         by.score_held_out(by.fit(fitted.choices, fitted, FULL_ITERATIONS, under)) for by, fitted in refined
     ]
-    return untied(evidence, tied, scored)
+    return untied(evidence, tied, scored, deviances)
 
 
 def worth_untying(evidence: Evidence) -> list[int]:
@@ -341,10 +342,16 @@ def worth_untying(evidence: Evidence) -> list[int]:
     return [] if alone or not any(can_refine(evidence.candidates[i].choices) for i in tied) else tied
 
 
-def untied(evidence: Evidence, tied: Sequence[int], refined: Sequence[FittedModel]) -> Evidence:
-    """The evidence with the odds of the ``tied`` candidates by what they leave at their refined shapes."""
+def untied(
+    evidence: Evidence, tied: Sequence[int], refined: Sequence[FittedModel], deviances: Array | None = None
+) -> Evidence:
+    """The evidence with the odds of the ``tied`` candidates by what they leave at their refined shapes.
+
+    Args:
+        deviances: of the refined models under their own weights, (tied,).
+    """
     log_odds = evidence.log_odds.copy()
-    log_odds[tied] = log_odds_among(evidence.base, refined)
+    log_odds[tied] = log_odds_among(evidence.base, refined, deviances)
     found = float(evidence.probabilities.sum())
     return replace(evidence, log_odds=log_odds, probabilities=found * shares_of(log_odds))
 

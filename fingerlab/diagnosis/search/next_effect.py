@@ -233,16 +233,22 @@ def judge_all(
     candidates = screen(scorer, base, effects, watch, least)
     leaders: set[str] = set()
     misshapen = much_left(base)  # what the base's effects look like may come from what is still missing
+    likeliest, contested = scorer.deviance(base), False
+    settled: dict[str, FittedModel] = {}
     for _ in range(3):
         front = sorted((_at_its_best(scorer, c, misshapen) for c in candidates[:HELD_OUT_TRIALS]), key=_cost)
         candidates = front + candidates[HELD_OUT_TRIALS:]
         if not front or front[0].fit.cost >= base.fit.cost or _led(front, leaders):
             break
-        leader = _leader(scorer, front)
+        leader = _settled(scorer, _leaving_as_little(scorer, front), settled)
         if leader.last_effect.id in leaders:
             break
+        if scorer.deviance(leader) >= likeliest:
+            contested, leader = True, _settled(scorer, front, settled)
+            if scorer.deviance(leader) >= likeliest:
+                break
         leaders.add(leader.last_effect.id)
-        weights = leader.weights
+        likeliest, weights = scorer.deviance(leader), leader.weights
         base = scorer.fit(base.choices, base, FULL_ITERATIONS, weights)
         # Under the new weights another effect may come to the front.
         again = (
@@ -252,9 +258,37 @@ def judge_all(
         candidates = sorted(again, key=_cost)
     watch.tell(0.95, "scoring on held-out runs")
     base = scorer.with_sensitivity(scorer.score_held_out(base, residuals=True))
+    deviances = _own_deviances(scorer, candidates, settled) if contested else None
     scored = [scorer.score_held_out(c) for c in candidates[:HELD_OUT_TRIALS]]
     scored += [_as_held_out(base, scorer.score_in_sample(c)) for c in candidates[HELD_OUT_TRIALS:]]
-    return judge(base, scored)
+    return judge(base, scored, deviances)
+
+
+def _settled(scorer: Scorer, front: Sequence[FittedModel], known: dict[str, FittedModel]) -> FittedModel:
+    """The likeliest of these models, each under its own weights.
+
+    Under the weights of a model that lacks what is missing, an effect may lower the cost by far and still
+    make the recordings less likely than they are without it: what it leaves is as large as ever, and the
+    noise that it is seen through is smaller.
+
+    Args:
+        known: those that were settled before, by their last effect; the others are added.
+    """
+    for fitted in front:
+        if fitted.last_effect.id not in known:
+            known[fitted.last_effect.id] = scorer.fit_reweighted(fitted.choices, fitted)
+    return min((known[c.last_effect.id] for c in front), key=scorer.deviance)
+
+
+def _own_deviances(scorer: Scorer, candidates: Sequence[FittedModel], known: dict[str, FittedModel]) -> Array:
+    """Deviances of the models, each under its own weights, (candidates,).
+
+    Those far behind are not settled for it, and are taken for no likelier than the worst that was.
+    """
+    _settled(scorer, candidates[:FRONT], known)
+    found = [known.get(c.last_effect.id) for c in candidates]
+    worst = max(scorer.deviance(c) for c in known.values())
+    return np.array([worst if c is None else scorer.deviance(c) for c in found])
 
 
 def _as_held_out(base: FittedModel, fitted: FittedModel) -> FittedModel:
@@ -277,16 +311,14 @@ def _at_its_best(scorer: Scorer, fitted: FittedModel, every: bool) -> FittedMode
     return _readjusted(scorer, climbed) if every else climbed
 
 
-def _leader(scorer: Scorer, front: Sequence[FittedModel]) -> FittedModel:
-    """The best of the front under its own weights; of those that leave as little, the likeliest so.
+def _leaving_as_little(scorer: Scorer, front: Sequence[FittedModel]) -> list[FittedModel]:
+    """The best of the front and those that leave as little as it does.
 
     Under the weights of a model that calls much of what it leaves noise (a tip that rubs) models leave the
     same of which one, seen by itself, needs no such noise.
     """
     count = EFFECTIVE_SHARE * sum(g.equations * g.samples for g in scorer.reduced.groups)
-    alike = [one for one in front if one.fit.cost - front[0].fit.cost < LEAST_DIFFERENCE * count]
-    settled = [scorer.fit_reweighted(one.choices, one) for one in alike]
-    return min(settled, key=scorer.deviance)
+    return [one for one in front if one.fit.cost - front[0].fit.cost < LEAST_DIFFERENCE * count]
 
 
 def _led(front: Sequence[FittedModel], leaders: Collection[str]) -> bool:
