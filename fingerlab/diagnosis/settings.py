@@ -253,9 +253,9 @@ SIMPLER_FIRST = 2.0
 """What a gain costs of which the data tell nothing: the simpler effect comes first, both are in the set."""
 SETTLING_ITERATIONS = 4
 """With fewer, a fit only looks round, and friction at rest is taken as it was at the start."""
-HOLDING_ROUNDS = 12
-"""Times that a fit is taken up again, at most, because what its values leave of the runs holds these
-otherwise; two to five are enough on the bench as built, ten where one run of five is far off."""
+HOLDING_ROUNDS = 6
+"""Times that a fit of more than ``FULL_ITERATIONS`` is taken up again, at most, because what its values leave
+of the runs holds these otherwise; two to five are enough where not most of them are far off."""
 HELD_SETTLED = 0.05
 """Share by which how firmly they are held may still change: the cost then does by less than a hundredth."""
 SWEEPS = 50

@@ -67,7 +67,7 @@ def test_a_fit_ends_where_its_values_hold_the_runs_as_it_did() -> None:
     ended = scorer.fit_reweighted([Choice(effect)])
     fitter = Fitter(ended.model, scorer.data, ended.weights)
     fitter.hold(ended.fit.values)
-    assert fitter.cost(ended.fit.values) == pytest.approx(ended.fit.cost, rel=2e-2)
+    assert fitter.cost(ended.fit.values) == pytest.approx(ended.fit.cost, rel=5e-2)
 
 
 @pytest.fixture(scope="module")

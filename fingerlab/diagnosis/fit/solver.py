@@ -29,6 +29,7 @@ from fingerlab.diagnosis.fit.data import (
 from fingerlab.diagnosis.fit.own_parts import Own, between, firmness_moved, firmness_of
 from fingerlab.diagnosis.gram.sums import taken_up, taken_up_by_folds
 from fingerlab.diagnosis.settings import (
+    FULL_ITERATIONS,
     HELD_SETTLED,
     HOLDING_ROUNDS,
     LEAST_GAIN,
@@ -321,7 +322,7 @@ class Fitter:
             return fit
         self.hold(fit.values)
         fit = self._run(fit.values, iterations)
-        for _ in range(HOLDING_ROUNDS):
+        for _ in range(HOLDING_ROUNDS if iterations > FULL_ITERATIONS else 0):
             if not any(one.at_bound for each in self._own.values() for one in each):
                 break
             # Held otherwise, the runs ask for other values, and these for the runs to be held otherwise.
