@@ -54,6 +54,9 @@ FLUSH_S = 0.1
 LOOK_S = 0.25
 """How often the place is looked at."""
 
+NEWEST = 8
+"""Rows among which the newest whole one is looked for (assumed: more than one is never under way)."""
+
 
 class Recorder:
     """Records runs into one session at a time.
@@ -382,12 +385,16 @@ class Recorder:
         self._done = []
 
     def _reader_from(self, index: int) -> RingReader:
-        """A reader at or before sample ``index``, as far back as the ring goes."""
-        newest = self._ring.last(1)
-        if not len(newest):
+        """A reader at or before sample ``index``, as far back as the ring goes.
+
+        Placed by the number of the row that was looked at: the loop may have written more since.
+        """
+        written = self._ring.written
+        first, rows = self._ring.copy(max(0, written - NEWEST), written)
+        if not len(rows):
             return self._ring.reader()
-        behind = int(newest[0, COLUMN["index"]]) - index + 2
-        return self._ring.reader(max(behind, 0))
+        behind = int(rows[-1, COLUMN["index"]]) - index + 2
+        return RingReader(self._ring, max(0, first + len(rows) - max(behind, 0)))
 
 
 def _reason(error: Exception) -> str:

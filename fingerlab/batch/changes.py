@@ -21,7 +21,6 @@ from fingerlab.batch.settings import MOSTLY, TOLD
 from fingerlab.batch.strengths import (
     effect_of,
     found_effects,
-    is_loss,
     model_of,
     prior_of,
     series,
@@ -30,6 +29,7 @@ from fingerlab.batch.strengths import (
 )
 from fingerlab.batch.table import Row, ageing_rows, days_of, followed_columns, number_of
 from fingerlab.core.text import ParameterEstimate
+from fingerlab.diagnosis.equations.parameters import is_loss
 from fingerlab.sessions.model import Array
 
 LEAST_SIDE = 2
@@ -152,7 +152,7 @@ def courses(rows: Sequence[Row], units: Mapping[str, str]) -> list[NumberCourse]
         one = course(days[known], values, errors, prior, used[known])
         if one is not None:
             names, when = (tuple(str(usable[i][key]) for i in known) for key in ("session", "created"))
-            from_nothing = prior.absent or is_loss(column)
+            from_nothing = prior.absent or is_loss(column.removeprefix("param."))
             unit = units.get(column) or units.get(_alone(column), "1")
             leans_on = tuple(_leans_on(column, [usable[i] for i in known]))
             told.append(

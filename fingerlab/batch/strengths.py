@@ -16,7 +16,7 @@ import numpy as np
 
 from fingerlab.batch.laws import Prior
 from fingerlab.batch.table import Row, number_of
-from fingerlab.diagnosis.equations.parameters import LOSSES, nuisance_ranges
+from fingerlab.diagnosis.equations.parameters import nuisance_ranges
 from fingerlab.diagnosis.settings import Z90
 from fingerlab.effects import find_effect
 from fingerlab.physics.parameter import Parameter
@@ -43,11 +43,6 @@ def effect_of(column: str) -> str:
     if kind == "alone" or (kind == "param" and "." in rest):
         return rest.partition(".")[0]
     return ""
-
-
-def is_loss(column: str) -> bool:
-    """Whether a column holds the constant torque of a joint's own, which should be zero."""
-    return column.removeprefix("param.").partition("@")[0] in LOSSES
 
 
 def strength_columns(effect: str, rows: Sequence[Row]) -> list[str]:

@@ -97,12 +97,9 @@ def early_objection(plan: CalibrationPlan, steps: Sequence[SteadyStep], rises: b
     if not shares:
         return ""
     slope = float(np.median(shares))  # V a unit of the quantity
-    if rises is not None and abs(slope) * sensor.gain.high > 0.3 and (slope > 0) is not rises:
-        way = "falls" if slope < 0 else "rises"
-        return (
-            f"The reading {way} as the known value grows, and should do the opposite: the sensor is turned "
-            "round, its wires are swapped, or its sign in the rig file is wrong."
-        )
+    turned = _turned(sensor, slope, rises)
+    if turned:
+        return turned
     low, high = 1.0 / sensor.gain.high, 1.0 / sensor.gain.low
     off = EARLY_TOLERANCE
     if not low * (1.0 - off) <= abs(slope) <= high * (1.0 + off):
@@ -112,6 +109,17 @@ def early_objection(plan: CalibrationPlan, steps: Sequence[SteadyStep], rises: b
             f"({sensor.gain.source}); look at the supply, the range and the known values before you go on."
         )
     return ""
+
+
+def _turned(sensor: Sensor, slope: float, rises: bool | None) -> str:
+    """That the reading goes the wrong way, where it does; ``slope`` in V a unit of the quantity."""
+    if rises is None or abs(slope) * sensor.gain.high <= 0.3 or (slope > 0) is rises:
+        return ""
+    way = "falls" if slope < 0 else "rises"
+    return (
+        f"The reading {way} as the known value grows, and should do the opposite: the sensor is turned "
+        "round, its wires are swapped, or its sign in the rig file is wrong."
+    )
 
 
 EARLY_TOLERANCE = 0.1
@@ -179,6 +187,7 @@ class CalibrationOutcome:
         plan: steps in their order. calibration: the common line.
         sweeps: each pass alone. repeat: passes compared; None where there is only one.
         misplaced: steps at a wrong weight or mark, as it seems.
+        rises: as of :func:`early_objection`.
     """
 
     plan: CalibrationPlan
@@ -186,6 +195,7 @@ class CalibrationOutcome:
     sweeps: tuple[Sweep, ...]
     repeat: Repeat | None
     misplaced: tuple[Misplaced, ...]
+    rises: bool | None = None
 
     @property
     def sensor(self) -> Sensor:
@@ -195,7 +205,8 @@ class CalibrationOutcome:
     @property
     def objections(self) -> tuple[str, ...]:
         """Everything that speaks against accepting it, one sentence each; empty where nothing does."""
-        found = [one.words for one in self.misplaced]
+        turned = _turned(self.sensor, 1.0 / self.calibration.gain.value, self.rises)
+        found = [turned] * bool(turned) + [one.words for one in self.misplaced]
         named = {f"Step {one.number + 1} lies" for one in self.misplaced}
         found += [text for text in self.calibration.suspect if not any(text.startswith(n) for n in named)]
         limit = self.sensor.accuracy
@@ -231,8 +242,13 @@ class CalibrationChange:
     within: bool
 
 
-def outcome_of(plan: CalibrationPlan, steps: Sequence[SteadyStep]) -> CalibrationOutcome:
+def outcome_of(
+    plan: CalibrationPlan, steps: Sequence[SteadyStep], rises: bool | None = None
+) -> CalibrationOutcome:
     """Fit the steps of a plan.
+
+    Args:
+        rises: as of :func:`early_objection`.
 
     Raises:
         UserError: they make no line.
@@ -246,7 +262,7 @@ def outcome_of(plan: CalibrationPlan, steps: Sequence[SteadyStep]) -> Calibratio
         sweeps.append(Sweep(name, line.gain.value, line.offset.value, line.r2))
     repeat = _repeat(calibration, members[names[0]], members[names[1]]) if len(names) > 1 else None
     misplaced = find_misplaced(plan, steps, range(len(steps)))
-    return CalibrationOutcome(plan, calibration, tuple(sweeps), repeat, misplaced)
+    return CalibrationOutcome(plan, calibration, tuple(sweeps), repeat, misplaced, rises)
 
 
 def compare(new: Calibration, gain: dict[str, Any], offset: dict[str, Any]) -> CalibrationChange:

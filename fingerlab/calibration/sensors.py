@@ -191,8 +191,10 @@ def own_plan(sensor: Sensor, marks: Sequence[float]) -> CalibrationPlan:
     if not all(math.isfinite(mark) and abs(mark) <= most for mark in marks) or (
         sensor.mark_unit == "kg" and min(marks) < 0
     ):
+        lowest = 0.0 if sensor.mark_unit == "kg" else -most
         raise UserError(
-            f"A known value is beyond what can be set: {'0' if most == 20 else -most} to {most:g}."
+            "A known value is beyond what can be set; give some from "
+            f"{mark_text(sensor, lowest)} to {mark_text(sensor, most)}."
         )
     if sensor.mark_unit == "kg":
         up = sorted(marks)
@@ -213,12 +215,16 @@ def _lay(mark: float) -> str:
 def read_marks(sensor: Sensor, text: str) -> tuple[float, ...]:
     """Known values from what an operator has typed, in g or degrees; ``mark_unit``.
 
+    A comma stands between values, or before the decimals where semicolons or spaces part them.
+
     Raises:
         UserError: one is no number.
     """
-    parts = text.replace(";", " ").replace(",", " ").split()
+    parts = [part.rstrip(",") for part in text.replace(";", " ").split()]
+    if len(parts) == 1:
+        parts = parts[0].split(",")
     try:
-        values = [float(part) for part in parts]
+        values = [float(part.replace(",", ".")) for part in parts if part]
     except ValueError:
         raise UserError(f"{text!r} is no list of known values; give numbers such as 0 15 30 45.") from None
     return tuple(value / 1000.0 if sensor.mark_unit == "kg" else value for value in values)

@@ -245,7 +245,7 @@ class Wizard:
         if self.phase is not Phase.DONE:
             missing = len(self.plan.moves) - self.number
             raise UserError(f"{missing} steps of {len(self.plan.moves)} are still to be done.")
-        return outcome_of(self.plan, [one.step for one in self.captures])
+        return outcome_of(self.plan, [one.step for one in self.captures], self.rises)
 
     # step by step
 

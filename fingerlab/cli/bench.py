@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -169,8 +170,10 @@ def checked(
     from fingerlab.rig.file import default_rig
 
     rig = choice.rig or default_rig()
-    bench = _open(choice, rig)
-    try:
+    with ExitStack() as stack:
+        stack.enter_context(Interrupts(lambda: None))  # who is asked to end gives back what it has opened
+        bench = _open(choice, rig)
+        stack.callback(bench.close)
         operator.tell(f"Checking {bench.status().device}.")
         with Interrupts(bench.stop) as interrupts:
             walked = STEPS if steps is None else steps
@@ -178,8 +181,6 @@ def checked(
             protocol = check(bench, rig, operator, rig_source, on_card, walked, bench_key(choice))
         if interrupts.asked:
             raise KeyboardInterrupt
-    finally:
-        bench.close()
     return protocol
 
 

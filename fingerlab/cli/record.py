@@ -14,6 +14,7 @@ import click
 from fingerlab.cli.common import (
     NEW_FILE,
     PATH,
+    Interrupts,
     Within,
     asked_device,
     counted,
@@ -191,6 +192,7 @@ def record(out: Path, json_target: str | None, **options: Any) -> None:
         bar, report = progress_bar("Recording")
         stack.enter_context(bar)
         report(0.0, "opening the device")
+        stack.enter_context(Interrupts(lambda: None))  # who is asked to end gives back what it has opened
         bench, rig, attributes = _open(choice, options, simulated)
         stack.callback(bench.close)
         attributes |= {k: v for k in ("operator", "notes") if (v := options[k])}
@@ -393,7 +395,7 @@ def _plans(options: Mapping[str, Any]) -> tuple[str, list[Any]]:
     if press is None:
         return "single", plans
     if plan.phase != "on_air":
-        raise UserError(f"--then-contact goes with --phase on_air; it is {plan.phase}.")
+        raise UserError("--then-contact follows runs on air; give --phase on_air, or leave it out.")
     return "on air, then contact", [*plans, *[in_contact(plan, press)] * options["runs"]]
 
 

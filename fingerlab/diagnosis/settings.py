@@ -102,6 +102,12 @@ DEAD_SHARE = 0.02
 """A joint that moves by less than this share of the other one does not move; assumed."""
 LEAST_ARM_M, LARGEST_ARM_M = 0.001, 0.08
 """A joint's moment arm lies between, m: twice beyond what a fit allows."""
+FIRST_LOOK_S = 4.0
+"""So much of a run is looked at beside its command and its current, s; assumed."""
+SWING_SAMPLES = 2000
+"""So many samples tell how far a channel swings; assumed."""
+PULLS_SHARE = 0.2
+"""Of its mean a tension swings by more, where a load cell has to show it; assumed: less may rub away."""
 
 # ## Runs of one condition
 
@@ -116,6 +122,8 @@ FOLDS = 10
 
 # ## What every model leaves open
 
+FIRST_ARM_M, FIRST_ARMS_M = 0.01, (0.003, 0.035)
+"""A fit starts at moment arms within these, m; at the first where nothing tells any; assumed."""
 MOST_CHANGES = 6
 """So many known changes of the machine are told apart, assumed: more are not made for one question."""
 
@@ -156,6 +164,11 @@ REST_REACH = 2
 """Decimated samples on either side of a moment that are looked at for it: five make the sixth of a second."""
 SLACK_SPREAD_M = 1e-4
 """Cable that may hang loose at no tension before that is called slack, m; assumed."""
+LOW_PASS_REACH = 1
+"""Decimated samples by which a standstill is longer than it seems: the low-pass rounds the corners of the
+angle, and carries what was held over them. Without it, the ends of a standstill were weighed as motion, and
+one run of steps took a third off the joints' friction; with two, reversals that tell where it rubs were
+doubted."""
 HELD_SHARE = 1.0 / 3.0
 """Mean square of a friction anywhere between its extremes, as a share of its square when it slides."""
 

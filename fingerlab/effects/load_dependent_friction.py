@@ -3,7 +3,7 @@
 import numpy as np
 
 from fingerlab.effects.base import OCTAVE, Effect, Example, Formula, Row, Shape, Term, rubbing
-from fingerlab.effects.transmission import drive_terms
+from fingerlab.effects.transmission import WINDING_TRAVELS_DEG, drive_terms, winding_state
 from fingerlab.physics.friction_states import friction_state, rubbing_forces
 from fingerlab.physics.motion import Motion
 from fingerlab.physics.parameter import Parameter
@@ -11,21 +11,50 @@ from fingerlab.sessions.model import Array
 
 REFERENCE_LOAD_NM = 0.1
 """Load at which the travel of a friction that grows with it is told, N m; assumed, only a scale."""
+LOAD_SHARE = "load_share"
+"""Number of a shape: the share that was found to be lost."""
+MOST_SHARE = 0.5
+HELD_TRAVELS_DEG = (0.6, 0.85, 1.2, 1.7)
 
 
 def columns(motion: Motion, shape: Shape) -> list[Term]:
-    """A tooth that slides at a share of the load: what sticks is not let go when the load rises.
+    """Teeth that slide at a share of the load.
 
-    It is held by one spring, whatever the load, so that it slides over a travel in proportion to the load.
+    What sticks is held by one spring, whatever the load, so that it is not let go when the load rises and
+    slides over a travel in proportion to the load; or, not ``held``, by many that the load itself presses
+    together, and has its share of the load of the moment.
+
+    The share is one of what the gears transmit. Of the motor's torque, which has the loss in it, that is less
+    winding in, s / (1 + s), and more paying out, s / (1 - s). On the grid s is small; between its points, and
+    where the load is known, it is what was found.
     """
     inertia = motion.motor.inertia or 0.0
-    load = np.abs(motion.torque - inertia * motion.acceleration if motion.load is None else motion.load)
+    if motion.load is None:
+        load, share = np.abs(motion.torque - inertia * motion.acceleration), shape.get(LOAD_SHARE, 0.0)
+        share = min(share, MOST_SHARE)
+    else:
+        load, share = np.abs(motion.load), 0.0
+    way, sharpness = float(np.radians(shape["travel_deg"])), shape.get("sharpness", 0.0)
+    if not shape.get("held", 1.0):
+        state = winding_state(motion, shape["travel_deg"], sharpness)
+        return drive_terms(motion, "share", load * state / (1.0 + share * state))
 
     def stops(position: Array, reaches: Array) -> Array:
-        return rubbing_forces(position, load, REFERENCE_LOAD_NM / reaches)
+        backward = (1.0 + share) / (1.0 - share)
+        return rubbing_forces(position, load / (1.0 + share), REFERENCE_LOAD_NM / reaches, backward)
 
-    way, sharpness = float(np.radians(shape["travel_deg"])), shape.get("sharpness", 0.0)
     return drive_terms(motion, "share", friction_state(motion.position, way, sharpness, stops))
+
+
+def _closer(shape: Shape) -> list[Shape]:
+    """Around the one found, and where the other law would be looked for."""
+    held = {**shape, "held": 1.0}
+    following = {**shape, "held": 0.0}
+    if shape.get("held", 1.0):
+        others = [{**following, "travel_deg": t, "sharpness": 0.0} for t in WINDING_TRAVELS_DEG]
+        return [*rubbing(OCTAVE[1:-1])(held), *others]
+    others = [{**held, "travel_deg": t, "sharpness": 1.0} for t in HELD_TRAVELS_DEG]
+    return [*rubbing()(following), *others]
 
 
 EFFECT = Effect(
@@ -37,7 +66,7 @@ EFFECT = Effect(
         "share": Parameter(
             "1",
             0.0,
-            0.5,
+            MOST_SHARE,
             0.05,
             title="friction as a share of the torque",
             varies_between_runs=True,
@@ -53,9 +82,13 @@ EFFECT = Effect(
     ),
     reveal="a motor bench with two known loads",
     mend="Grease the gearbox, or choose one with a smaller ratio; less pretension lowers it, too.",
-    shapes=tuple({"travel_deg": value, "sharpness": 1.0} for value in (0.6, 0.85, 1.2, 1.7)),
+    shapes=(
+        *({"travel_deg": value, "sharpness": 1.0, "held": 1.0} for value in HELD_TRAVELS_DEG),
+        *({"travel_deg": value, "sharpness": 0.0, "held": 0.0} for value in WINDING_TRAVELS_DEG[::2]),
+    ),
     shape_units={"travel_deg": "deg"},
-    closer=rubbing(OCTAVE[1:-1]),
+    closer=_closer,
+    follows={LOAD_SHARE: ("load_dependent_friction.share",)},
     bench=True,
     formula=Formula(
         equation=r"\tau_m = \mu\,f,\qquad |f| \leq |\tau_l|",
@@ -64,7 +97,8 @@ EFFECT = Effect(
             "rotor's inertia; on the motor bench, the known load. f: spring-sliders (theory, "
             '"Friction that sticks") whose limit is the load of the moment: a slider that slides '
             "holds the load's size against the motion, one that sticks keeps its force when the load "
-            "rises. δ: travel at a load of 0.1 N m."
+            "rises, or has its share of the load of the moment; both are tried. δ: travel, where what "
+            "sticks is held at a load of 0.1 N m."
         ),
         source="Friction that grows with the load of a gear (Duclusaud et al. 2024).",
         values={"share": r"\mu", "travel_deg": r"\delta"},

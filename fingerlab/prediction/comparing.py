@@ -162,8 +162,8 @@ class _Entrant:
                 shape = dict(chosen.shape_in(self.reduced.layout.scales))
                 return Choice(one, [dict(s) for s in one.shapes].index(shape))
         raise UserError(
-            f"{self.name} holds '{chosen.effect.id}', which does not apply to these runs; compare it on a "
-            "session with the runs that it was fitted to."
+            f"{self.name} holds '{chosen.effect.title or chosen.effect.id}', which does not apply to these "
+            "runs; compare it on a session with the runs that it was fitted to."
         )
 
     def _values(self, model: EquationsModel) -> Array:

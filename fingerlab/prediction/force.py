@@ -1,10 +1,12 @@
 """Endpoint force of a contact run from the motor's channels and the joints, without the load cell.
 
 The equations' residual is a function of the force that is assumed at the fingertip: r(F) = 0 gives the
-modelled force. The residual is evaluated at a few levels of force, the same all through the run, and is taken
-for a straight line between them: all built-in terms are proportional to the force, or to whether the tip is
-held, but for the few tens of micrometres over which a rubbing tip turns round. What the load cell read takes
-no part, so that a tip is taken as held by the force alone, not by its height.
+modelled force. The residual is evaluated at a few levels of force, the same all through the run, and is
+taken for a straight line between them: all built-in terms are proportional to the force, or to whether the
+tip is held, be it by its force or by its height. How a tip rubs, and where it was set down, follow from how
+the force came to be, and a force that is the same all through the run knows neither; so the residual is
+evaluated at the modelled force, too, and the levels are moved to meet it there. What is solved is then the
+very equation that the model was fitted with. What the load cell read takes no part.
 
 Coefficients are the fit's own (``equations.columns``), and so is what a delay does to the motor's
 channels: within a millisecond their slope, beyond that the fit's interpolation between kept shifts. The value
@@ -30,28 +32,29 @@ from fingerlab.diagnosis.equations.coefficients import (
 from fingerlab.diagnosis.equations.features import (
     SHIFT_SAMPLES,
     SLOPE,
+    BoolArray,
     Feature,
     base_columns,
     shifted_columns,
     turned_columns,
 )
 from fingerlab.diagnosis.gram.decimation import counted
-from fingerlab.diagnosis.settings import SLIP_STIFFNESSES
+from fingerlab.diagnosis.settings import LIFTED_M, SLIP_STIFFNESSES
 from fingerlab.diagnosis.signals.filters import decimate
 from fingerlab.diagnosis.signals.scales import SI, Scales, reduced_rig, reduced_run
 from fingerlab.diagnosis.signals.segments import segments_of
 from fingerlab.effects.base import Effect, Row
 from fingerlab.effects.transmission import as_effects_see_it
-from fingerlab.physics.motion import TOUCHING_FORCE_N, Motion
+from fingerlab.physics.motion import TOUCHING_FORCE_N, Motion, tip_depth
 from fingerlab.sessions.model import Array, Run, Session
 from fingerlab.sessions.trajectory import named_frequency
 from fingerlab.signals.periods import MINIMUM_PERIODS, PeriodGrid, settles
 
 LEVELS_N = (-1.0, 0.0, TOUCHING_FORCE_N, 1.0)
 """Forces at which the residual is evaluated, N: below, between and above the bends of the built-in terms."""
-ROUNDS = 3
+ROUNDS = 4
 """How a tip rubs follows from the force, which follows from how it rubs: solved by turns. Each
-turn lowers what is left by the friction coefficient."""
+turn lowers what is left by the friction coefficient; the first knows of no rubbing."""
 JOINT_ROWS = {"pip": Row.PIP, "mcp": Row.MCP}
 
 
@@ -124,15 +127,33 @@ def solved_forces(
     Raises:
         UserError: the moment arms of the run's cable, or an effect's strength, are not among the values.
     """
-    motion, rate = stretch.motion, stretch.motion.sample_rate_hz
+    motion = stretch.motion
     force: Array | None = None
     roots: dict[str, Array] = {}
     for _ in range(ROUNDS):
-        wide = level_residuals(motion, effects, values, where, force)
-        narrowed = {n: [_narrowed(motion, level) for level in levels] for n, levels in wide.items()}
-        roots = {name: _root(np.stack(levels)) for name, levels in narrowed.items()}
-        force = np.interp(np.arange(len(motion.time)) / rate + motion.time[0], stretch.time, _mean(roots))
+        wide, held = level_residuals(motion, effects, values, where, force)
+        still = _narrowed(motion, held.astype(float)) > 0.5
+        narrowed = {n: np.stack([_narrowed(motion, one) for one in levels]) for n, levels in wide.items()}
+        roots = {name: _root(levels, still) for name, levels in narrowed.items()}
+        force = _throughout(stretch, _mean(roots), _mean({n: _root(one, held) for n, one in wide.items()}))
     return roots
+
+
+def _throughout(stretch: Stretch, force: Array, unsmoothed: Array) -> Array:
+    """The force at every sample of a stretch's motion, N.
+
+    Before the first that is judged it is ``unsmoothed``, and only where the tip is as high as later, when it
+    presses: of a finger that has yet to move, friction lets the motor's torque say nothing.
+    """
+    time = stretch.motion.time
+    judged = np.interp(time, stretch.time, force)
+    lead = time < stretch.time[0]
+    depth = tip_depth(stretch.motion)
+    on = depth[~lead & (judged >= TOUCHING_FORCE_N)]
+    if not len(on):
+        return judged
+    reached = (depth > on.min() - LIFTED_M) & (depth < on.max() + LIFTED_M)
+    return np.where(lead, np.where(reached, unsmoothed, 0.0), judged)
 
 
 def forces_of_motion(
@@ -142,8 +163,8 @@ def forces_of_motion(
 
     ``rubs_as`` (N, (n,)) is the force that the motion is meant to make, by which the tip rubs.
     """
-    levels = level_residuals(motion, effects, values, where, rubs_as)
-    return {name: _root(np.stack(level)) for name, level in levels.items()}
+    levels, held = level_residuals(motion, effects, values, where, rubs_as)
+    return {name: _root(level, held) for name, level in levels.items()}
 
 
 def _mean(roots: Mapping[str, Array]) -> Array:
@@ -160,10 +181,15 @@ def level_residuals(
     values: Mapping[str, float],
     where: str,
     force: Array | None = None,
-) -> dict[str, list[Array]]:
-    """Residuals of both equations as tensions at each of ``LEVELS_N``, N, (n,) each.
+) -> tuple[dict[str, Array], BoolArray]:
+    """Residuals of both equations as tensions at each of ``LEVELS_N``, N, (levels, n), and where it is held.
 
-    ``force`` (N, (n,)) is the force by whose ups and downs the tip rubs; None: it does not rub.
+    Held, (n,), is a tip that is no lower and no higher than where it presses, whatever its force: for it
+    the last two levels make the line.
+
+    Args:
+        force: N, (n,), by whose ups and downs the tip rubs, and at which the levels' residuals are those of
+            the equations themselves; None: it does not rub.
     """
     zero = np.zeros_like(motion.time)
     rubbing = replace(motion, phase="contact", force=zero if force is None else force, _memory={})
@@ -173,7 +199,36 @@ def level_residuals(
         _residuals(motion.pressed_by(np.full_like(motion.time, level), rubbing), effects, values, where)
         for level in LEVELS_N
     ]
-    return {name: [level[row] for level in levels] for name, row in JOINT_ROWS.items()}
+    result = {name: np.stack([level[row] for level in levels]) for name, row in JOINT_ROWS.items()}
+    if force is None:
+        return result, np.zeros(len(zero), dtype=bool)
+    own, held = _residuals(rubbing, effects, values, where), _held(motion, force)
+    for name, row in JOINT_ROWS.items():
+        result[name] = result[name] + (own[row] - _between(result[name], force, held))
+    return result, held
+
+
+def _held(motion: Motion, force: Array) -> BoolArray:
+    """Where the tip is as high as in the middle of all that it presses, (n,)."""
+    on = force >= TOUCHING_FORCE_N
+    if not on.any():
+        return np.zeros(len(force), dtype=bool)
+    depth = tip_depth(motion)
+    return np.asarray(np.abs(depth - np.median(depth[on])) < LIFTED_M)
+
+
+def _between(levels: Array, force: Array, held: BoolArray) -> Array:
+    """Residuals at a force by straight lines between the levels, drawn on beyond them, (n,).
+
+    Args:
+        levels: (levels, n). force: N, (n,). held: takes the last line, (n,).
+    """
+    ends = np.array(LEVELS_N)
+    last = len(ends) - 2
+    piece = np.where(held, last, np.clip(np.searchsorted(ends, force, side="right") - 1, 0, last))
+    at = np.arange(len(force))
+    share = (force - ends[piece]) / np.diff(ends)[piece]
+    return np.asarray(levels[piece, at] * (1.0 - share) + levels[piece + 1, at] * share)
 
 
 def wound_beyond(motion: Motion, effects: Sequence[Effect], values: Mapping[str, float], where: str) -> Array:
@@ -259,8 +314,8 @@ def _check(features: Sequence[Feature], cable: str, values: Mapping[str, float],
             )
 
 
-def _root(residual: Array) -> Array:
-    """Force at which the residual, (levels, n), crosses zero; (n,), N."""
+def _root(residual: Array, held: BoolArray) -> Array:
+    """Force at which the residual, (levels, n), crosses zero; (n,), N. ``held`` takes the last line."""
     levels = np.array(LEVELS_N)
     slope = np.diff(residual, axis=0) / np.diff(levels)[:, None]
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -269,6 +324,6 @@ def _root(residual: Array) -> Array:
     low[0], high[-1] = -np.inf, np.inf
     inside = (places >= low[:, None]) & (places <= high[:, None]) & np.isfinite(places)
     # Where no piece holds its own root the last one, of a tip that is held, is drawn on.
-    piece = np.where(inside.any(axis=0), inside.argmax(axis=0), len(low) - 1)
+    piece = np.where(inside.any(axis=0) & ~held, inside.argmax(axis=0), len(low) - 1)
     root = places[piece, np.arange(places.shape[1])]
     return np.asarray(np.where(np.isfinite(root), root, np.nan))

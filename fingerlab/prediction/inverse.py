@@ -3,7 +3,9 @@
 A set of fitted parameters is one joint's equation, which gives the torque in closed form. An extended model
 predicts the force from the torque by way of its effects, whatever they are; the torque whose prediction is
 the wanted force is found by the secant method at every sample, so that the physics stands in one place: what
-predicts also inverts. The interval is the force's, divided by what a newton metre adds to the force.
+predicts also inverts. The interval is the force's, divided by what a newton metre adds to the force. No
+recording tells where the tip will be set down, where a spring along the load cell's face begins: the interval
+is wider by what that spring would do from the place of first touch on.
 """
 
 from __future__ import annotations
@@ -16,11 +18,12 @@ import numpy as np
 
 from fingerlab.acquisition.control.motion import most_torque
 from fingerlab.core.errors import UserError
+from fingerlab.diagnosis.equations.parameters import SET_DOWN
 from fingerlab.diagnosis.settings import WIDE_RATE_HZ
 from fingerlab.diagnosis.signals.scales import reduced_motion
 from fingerlab.models.file import DIAGNOSIS_METHOD, Model
 from fingerlab.physics import nominal
-from fingerlab.physics.motion import Motion
+from fingerlab.physics.motion import Motion, tip_reach
 from fingerlab.prediction.extended import MOST_STRETCH, Band, Variant, extended_model, force_rate
 from fingerlab.prediction.force import forces_of_motion
 from fingerlab.prediction.target import ContactPose, WantedForce, words_of
@@ -120,7 +123,7 @@ def needed_torque(
     if isinstance(predictor, ParameterSet):
         torque, half_width, delay = _by_set(wanted.force, predictor, motion, pose, where)
     else:
-        torque, half_width, delay = _by_variant(wanted.force, predictor, motion, rig, where)
+        torque, half_width, delay = _by_variant(wanted.force, predictor, motion, pose, rig, where)
     # The load cell is read ``delay`` after the motor: the torque leads by as much.
     torque, half_width = (_earlier(values, wanted.time, delay) for values in (torque, half_width))
     band = None if isinstance(predictor, ParameterSet) else predictor.band
@@ -164,7 +167,7 @@ def _by_set(
 
 
 def _by_variant(
-    force: Array, variant: Variant, motion: Motion, rig: Rig, where: str
+    force: Array, variant: Variant, motion: Motion, pose: ContactPose, rig: Rig, where: str
 ) -> tuple[Array, Array, float]:
     scales = variant.scales
     newton, delay = scales.of("N"), variant.values.get("delay", 0.0)
@@ -172,19 +175,30 @@ def _by_variant(
     effects = [chosen.alone(scales) for chosen in variant.effects]
     reduced, wanted = reduced_motion(motion, scales), force / newton
 
-    def predicted(torque: Array) -> Array:
+    def predicted(torque: Array, by: Mapping[str, float] = values) -> Array:
         pulled = replace(reduced, torque=torque, _memory={})
-        forces = forces_of_motion(pulled, effects, values, where, wanted)
+        forces = forces_of_motion(pulled, effects, by, where, wanted)
         weight = variant.pip_weight
         mixed = weight * forces["pip"] + (1.0 - weight) * forces["mcp"]
         return np.where(np.isfinite(mixed), mixed, forces["pip"])
 
-    torque, slope = solved_torque(predicted, wanted, where, newton)
-    torque, slope = scales.torque * torque, newton / scales.torque * slope
+    solved, slope = solved_torque(predicted, wanted, where, newton)
+    torque, steep = scales.torque * solved, newton / scales.torque * slope
     if variant.band is None:
         return torque, np.full_like(torque, np.nan), delay
-    half_width = variant.band.half_width(force, force_rate(force, WIDE_RATE_HZ)) / np.abs(slope)
-    return torque, half_width, delay
+    half_width = variant.band.half_width(force, force_rate(force, WIDE_RATE_HZ)) / np.abs(steep)
+    zero = np.zeros_like(force)
+    free = reduced_motion(pose.motion(rig, motion.time, zero, zero), scales)
+    # The same all through the run, it is added whole, not in squares.
+    apart = predicted(solved, _set_down_at(free, reduced, values)) - predicted(solved)
+    return torque, half_width + scales.torque * np.abs(apart / slope), delay
+
+
+def _set_down_at(free: Motion, pressed: Motion, values: Mapping[str, float]) -> Mapping[str, float]:
+    """Values by which the tip's spring begins where the tip stands without force, not amid its travel."""
+    spring = values.get("lateral_spring", 0.0)
+    travel = float(np.mean(tip_reach(pressed)) - np.mean(tip_reach(free)))
+    return {**values, SET_DOWN: values.get(SET_DOWN, 0.0) + spring * travel}
 
 
 def solved_torque(

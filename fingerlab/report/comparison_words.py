@@ -26,6 +26,7 @@ from fingerlab.core.text import (
     screen_unit,
     with_minus,
 )
+from fingerlab.diagnosis.equations.parameters import is_loss
 from fingerlab.report.diagnosis_words import NOTHING_WORDS, UNKNOWN_WORDS, effect_title, in_sentence, listed
 from fingerlab.report.parameter_words import parameter_title
 from fingerlab.report.score_words import PHASE_WORDS
@@ -244,8 +245,6 @@ def reads_as(first: ParameterEstimate | None, second: ParameterEstimate | None, 
 
 def change_sentence(change: BenchChange) -> str:
     """What changed, between which sessions, and how sure that is."""
-    from fingerlab.batch.strengths import is_loss
-
     when = f"Between {change.before} and {change.after} ({change.when[:10]})"
     sure = f"Probability {percent(change.chance)}; of that moment, if so, {percent(change.certain_place)}."
     title = in_sentence(effect_title(change.effect)) if change.effect else ""
@@ -262,7 +261,9 @@ def change_sentence(change: BenchChange) -> str:
         what = strength
     else:
         what = f"the same effect has {change.kind}, {title}: {strength}; {seen}"
-    what += reads_as(change.first, change.second, bool(change.effect) or is_loss(change.column))
+    what += reads_as(
+        change.first, change.second, bool(change.effect) or is_loss(change.column.removeprefix("param."))
+    )
     many = len(change.others)
     others = f" With it moved {many} other number{'s' * (many > 1)}." if many else ""
     return f"{when} {what}. {sure}{others}"

@@ -364,7 +364,7 @@ COMPARED_COLUMNS = (
     ("Force error (mN)", "Root mean square, of the endpoint force in contact."),
     ("R2", "Of that force."),
     ("R2 normalised", "The same with both forces scaled to their span."),
-    ("Share (%)", "Modelled amplitude over the measured one."),
+    ("Amplitude (%)", "Of the modelled force, over that of the measured one."),
     ("In interval (%)", "Share of samples that the 90 % interval holds."),
 )
 """What models are compared by, and what it means."""

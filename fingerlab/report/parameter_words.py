@@ -44,7 +44,8 @@ TITLES = {
     "trace_pip": ("Trace of viscous friction at the PIP", "N m s/rad"),
     "offset": ("Offset of the cable", "m"),
     "cable_compliance": ("Compliance of the cable", "m/N"),
-    "cable_damping": ("Damping of the cable", "m s/N"),
+    # A damper beside the cable's spring lets the stretch lag: x = c T - c t dT/dt.
+    "cable_damping": ("Stretch by the tension's rate (below 0: it lags)", "m s/N"),
     "torque_zero": ("Zero of the motor's torque", "N m"),
     "delay": ("Delay of the motor's channels", "s"),
     "lateral": ("Sideways force over normal force", "tan"),

@@ -163,7 +163,8 @@ class DeadManLine:
 
     Attributes:
         terminal: such as ``port0/line1``; empty where the bench has none.
-        hold_time: s for which the charge pump behind it holds the amplifier's enable after the last edge.
+        hold_time: s for which the charge pump behind it holds the amplifier's enable after the last edge;
+            up to 50 ms.
     """
 
     terminal: str = ""
@@ -288,6 +289,10 @@ LEAST_HELD = 4
 """Commands of the position loop that a dead-man has to hold at least: a charge pump is fed by every second
 edge, and one such edge may come a period late (assumed)."""
 
+MOST_HELD_S = 0.05
+"""A dead-man that holds for longer stops the motor later than loop and guardian do (``docs/faults.md``): a
+person's finger is at its end."""
+
 
 def _check_lines(daq: Daq, where: str) -> None:
     """No two digital lines on one terminal, and times that a bench can keep."""
@@ -302,10 +307,17 @@ def _check_lines(daq: Daq, where: str) -> None:
         taken[terminal] = name
     command = daq.block if daq.timing != "single-point" else 1
     least = LEAST_HELD * command / daq.rate_hz
-    if daq.dead_man.terminal and not least <= daq.dead_man.hold_time < 1.0:
+    if daq.dead_man.terminal and least > MOST_HELD_S:
+        raise UserError(
+            f"{where} dead_man would have to hold for {least:g} s ({LEAST_HELD} commands of the position "
+            f"loop), and one that holds for more than {MOST_HELD_S:g} s stops nothing in time; make block "
+            "smaller, or rate_hz higher."
+        )
+    if daq.dead_man.terminal and not least <= daq.dead_man.hold_time <= MOST_HELD_S:
         raise UserError(
             f"{where} dead_man hold_time is {daq.dead_man.hold_time:g} s; it should be {least:g} s "
-            f"({LEAST_HELD} commands of the position loop) to less than 1 s."
+            f"({LEAST_HELD} commands of the position loop) to {MOST_HELD_S:g} s, in which everything else "
+            "stops the motor."
         )
     if not 0.0 <= daq.amplifier_ready.settling_time <= 2.0:
         raise UserError(

@@ -187,10 +187,12 @@ def _judge(session: Session, run: Run, tally: _Tally) -> list[Finding]:
     if run.length < 2:
         found.append(Finding("warning", run.name, "only one sample; nothing can be fitted to it."))
     if tally.force_nan:
-        found.append(Finding("note", run.name, f"endpoint_force was not read in {tally.force_nan} samples."))
+        found.append(Finding("note", run.name, f"the load cell was not read in {tally.force_nan} samples."))
     if run.phase == "contact" and (tally.force_nan == run.length or not run.has("endpoint_force")):
         found.append(
-            Finding("warning", run.name, "a contact run without endpoint_force; prediction has no measure.")
+            Finding(
+                "warning", run.name, "a contact run without the fingertip's force; prediction has no measure."
+            )
         )
     found += _judge_torque(session.rig.motor, run, tally)
     found += _judge_attributes(run)
@@ -206,7 +208,7 @@ def _judge_torque(motor: Motor, run: Run, tally: _Tally) -> list[Finding]:
     if abs(slope / wanted - 1.0) <= TORQUE_TOLERANCE:
         return []
     text = (
-        f"motor_torque is {slope:.4g} N m/A times motor_current, but the rig's torque constant and gear "
+        f"the motor's torque is {slope:.4g} N m/A times its current, but the rig's torque constant and gear "
         f"ratio make it {wanted:.4g} N m/A."
     )
     return [Finding("warning", run.name, text)]

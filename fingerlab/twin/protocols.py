@@ -263,7 +263,11 @@ def setup_of(phase: str, cable: str | None = None) -> tuple[str, str]:
     if cable not in CABLES:
         raise UserError(f"The cable is {cable!r}; it should be one of {', '.join(CABLES)}.")
     if (cable == "none") != (phase == "motor_bench"):
-        raise UserError(f"The phase {phase} and the cable {cable!r} do not go together.")
+        if cable != "none":
+            raise UserError(
+                f"The motor alone moves no cable, and the {cable} cable was given; leave the cable out."
+            )
+        raise UserError("The finger moves by a cable, and none was given; leave it out, or say which.")
     if phase == "contact" and cable != "flexion":
         raise UserError(
             "A contact run presses with the flexion cable; leave the cable out or give 'flexion'."
@@ -297,8 +301,8 @@ def single_run(
         raise UserError(f"The trajectory has 'load_torque' = {load!r}; it should be a torque in N m.")
     if load and phase != "motor_bench":
         raise UserError(
-            f"The trajectory has a 'load_torque', and the phase is {phase}; a known load goes with "
-            "motor_bench."
+            "The trajectory has a known load ('load_torque'), which hangs on the motor alone; leave it out, "
+            "or give the phase 'motor_bench'."
         )
     if settings["kind"] in ("file", "torque"):  # the points stay with the plan, however many they are
         settings = dict(json.loads(trajectory) if isinstance(trajectory, str) else trajectory)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,6 +23,21 @@ class Unsafe:
 
     def build(self) -> FakeDevice:
         return FakeDevice(unsafe=1)
+
+
+@dataclass(frozen=True)
+class Interrupting:
+    """A bench while whose first process is made, the program is asked to end."""
+
+    kind: str = "simulated"
+    real_time: bool = True
+
+    def __getstate__(self) -> dict[str, str]:
+        signal.raise_signal(signal.SIGTERM)
+        return {}
+
+    def build(self) -> FakeDevice:
+        return FakeDevice()
 
 
 class Telling(NiCard):

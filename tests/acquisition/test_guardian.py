@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import multiprocessing
+import signal
 from pathlib import Path
 
 import pytest
@@ -11,14 +13,15 @@ from fingerlab.acquisition.bench.process_bench import ProcessBench
 from fingerlab.acquisition.bench.steering import LoopSettings
 from fingerlab.acquisition.control.machine import Disable, Enable, Initialise, Mode, Start
 from fingerlab.acquisition.control.units import BenchUnits
-from fingerlab.acquisition.status import SharedStatus, Slot, Text
+from fingerlab.acquisition.status import Block, SharedStatus, Slot, Text
+from fingerlab.cli.common import Interrupts
 from fingerlab.core.errors import UserError
 from fingerlab.devices.ni.card import NiCard
-from fingerlab.devices.protocol import DeviceLost
+from fingerlab.devices.protocol import DeviceFault, DeviceLost
 from fingerlab.rig.file import default_rig
 from tests.acquisition.driving import SINE, Driven
 from tests.acquisition.fake_device import FakeDevice
-from tests.acquisition.guarded import TellingChoice, Unsafe
+from tests.acquisition.guarded import Interrupting, TellingChoice, Unsafe
 from tests.devices.card_bench import bench as card_bench
 from tests.devices.card_bench import failing
 from tests.faults.live_card import served
@@ -90,6 +93,34 @@ def test_a_card_is_tried_without_taking_it_from_who_has_it() -> None:
     assert taken.resets == 0
 
 
+def test_the_guardian_of_a_second_program_never_takes_the_amplifier_from_the_first() -> None:
+    """The second is killed while it begins: its guardian is no reason to reset the first one's card."""
+    card, first, channel = card_bench()
+    first.open()
+    first.start()
+    first.set_enable(True)
+    for _ in range(5):
+        first.exchange(0.5)
+    guardian = NiCard(first.rig, card.clock, channel)
+    with pytest.raises(DeviceFault, match="in use by another program"):
+        guardian.try_stop()
+    assert not guardian.make_safe()  # its own loop died without a word
+    assert (card.resets, card.volts, card.line) == (0, 0.5, True)
+    assert first.exchange(0.5).index == 5
+    first.close()
+    assert guardian.make_safe()  # nobody has the card any more
+
+
+def test_who_loses_the_card_to_a_reset_hears_that_another_program_may_have_done_it() -> None:
+    card, first, _ = card_bench()
+    first.open()
+    first.start()
+    first.exchange(0.0)
+    card.reset()
+    with pytest.raises(DeviceLost, match="reset by hand or by another program, while it was running"):
+        first.exchange(0.0)
+
+
 def test_a_guardian_whose_stop_fails_refuses_the_enable(tmp_path: Path) -> None:
     bench = ProcessBench(Unsafe(), SETTINGS, tmp_path)
     try:
@@ -115,6 +146,39 @@ def test_the_driver_is_there_and_the_tasks_are_tried_before_the_motor_is_enabled
     assert lines[0] == f"{guardian} tried, drivers there"
     assert lines[1].startswith(f"{loop} opened")
     assert f"{loop} enable True, drivers there" in lines[2:]
+
+
+def test_who_is_asked_to_end_while_the_processes_are_made_gives_all_back(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Seen before: memory left to the system's tracker, which warned of it, and processes left alone."""
+    made: list[str] = []
+    make = Block.make
+
+    def noted(size: int, shared: bool) -> Block:
+        block = make(size, shared)
+        made.append(str(block.name))
+        return block
+
+    monkeypatch.setattr(Block, "make", noted)
+    with Interrupts(lambda: None), pytest.raises(KeyboardInterrupt):
+        ProcessBench(Interrupting(), SETTINGS, tmp_path)
+    assert len(made) == 2
+    for name in made:
+        with pytest.raises(FileNotFoundError):
+            Block.attach(name)
+    assert not multiprocessing.active_children()
+
+
+def test_who_is_asked_to_end_while_the_bench_is_closed_closes_it_and_then_ends(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Seen before: the recorder was not told to end, and the program waited for it without an end."""
+    bench = ProcessBench(Unsafe(), SETTINGS, tmp_path)
+    monkeypatch.setattr(bench, "stop", lambda: signal.raise_signal(signal.SIGTERM))
+    with Interrupts(lambda: None), pytest.raises(KeyboardInterrupt):
+        bench.close()
+    assert not multiprocessing.active_children()
 
 
 def test_a_card_that_is_gone_is_told_by_who_opens_it() -> None:

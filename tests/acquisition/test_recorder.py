@@ -18,7 +18,7 @@ import pytest
 from fingerlab.acquisition.control.machine import Mode
 from fingerlab.acquisition.recorder import Recorder
 from fingerlab.acquisition.recording import RunInfo, SessionInfo
-from fingerlab.acquisition.ring import COLUMN, COLUMNS, Ring, RowFlag
+from fingerlab.acquisition.ring import COLUMN, COLUMNS, Array, Ring, RowFlag
 from fingerlab.acquisition.status import Number, SharedStatus, Slot, Text
 from fingerlab.core.errors import UserError
 from fingerlab.rig.file import default_rig
@@ -50,6 +50,11 @@ class Bench:
 
     def publish(self, count: int, skip: int = 0, **columns: float) -> None:
         self.index += skip
+        self.write(count, **columns)
+        self.now += 1.0
+        self.recorder.poll()
+
+    def write(self, count: int, **columns: float) -> None:
         for _ in range(count):
             self.index += 1
             row = {name: 0.001 * self.index + k for k, name in enumerate(COLUMNS)}
@@ -57,8 +62,6 @@ class Bench:
             row |= columns
             self.ring.write(tuple(row.values()))
             self.board[Slot.INDEX] = self.index
-        self.now += 1.0
-        self.recorder.poll()
 
 
 @pytest.fixture
@@ -113,6 +116,27 @@ def test_pre_trigger_takes_what_the_ring_still_has(bench: Bench) -> None:
     run = open_session(bench.recorder.close()).runs[0]
     assert run.length == 2050
     assert run.attributes["dropped_samples"] == 0
+
+
+def test_a_loop_that_goes_on_while_a_run_begins_costs_no_sample(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The recorder is set aside while it looks for the run's first row, and 40 rows come meanwhile."""
+    bench.publish(300)
+    start, copy = bench.index - 9, bench.ring.copy
+
+    def set_aside(first: int, stop: int) -> tuple[int, Array]:
+        found = copy(first, stop)
+        bench.write(40)
+        return found
+
+    monkeypatch.setattr(bench.ring, "copy", set_aside)
+    bench.begin(start)
+    monkeypatch.undo()
+    bench.publish(50)
+    run = open_session(bench.recorder.close()).runs[0]
+    assert run.length == 10 + 40 + 50
+    assert run.attributes["ended"] == "clean"
 
 
 LOADED = RunInfo("motor_bench", "none", 1000.0, SINE, 0, None, 0.05)

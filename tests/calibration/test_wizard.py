@@ -339,13 +339,18 @@ def test_zero_sense_and_span_are_judged_from_the_first_steps(volts_at, steps: in
 def test_a_turned_angle_sensor_is_told_at_the_second_mark() -> None:
     for rises, told in ((True, True), (False, False), (None, False)):
         wizard = Wizard(standard_plan(MCP), StepTiming(3.0, 1.0), rises=rises)
-        Operator(wizard, lambda mark: 3.9 - mark / 40.0).work(lambda w=wizard: w.number == 2)
+        operator = Operator(wizard, lambda mark: 3.9 - mark / 40.0)
+        operator.work(lambda w=wizard: w.number == 2)
         assert ("falls as the known value grows" in wizard.early()) is told
+        operator.work()  # whoever goes on all the same hears it again before accepting
+        assert any("falls as the known" in one for one in wizard.outcome().objections) is told
 
 
 def test_weights_and_marks_are_the_operator_s_own() -> None:
     marks = read_marks(LOAD_CELL, "0, 50 200;500")
     assert marks == (0.0, 0.05, 0.2, 0.5)
+    assert read_marks(MCP, "0;10,5;30") == (0.0, 10.5, 30.0) == read_marks(MCP, "0 10,5 30")
+    assert read_marks(MCP, "0,10.5,30") == (0.0, 10.5, 30.0)
     plan = own_plan(LOAD_CELL, (0.5, 0.0, 0.2, 0.05))
     assert plan.marks == (0.0, 0.05, 0.2, 0.5, 0.2, 0.05, 0.0)
     assert plan.moves[2].words == "Lay weights of 200 g in all on the load cell."
@@ -353,7 +358,11 @@ def test_weights_and_marks_are_the_operator_s_own() -> None:
     Operator(wizard, thesis_load_cell).work()
     assert wizard.outcome().calibration.gain.value == pytest.approx(11.194, rel=2e-3)
     assert own_plan(MCP, (0.0, 20.0, 75.0)).marks == (0.0, 20.0, 75.0) * 2
-    for text, words in (("0 10 20", "needs 4 different"), ("0 1 1 2 3", "each once"), ("0 -5 8 9", "beyond")):
+    for text, words in (
+        ("0 10 20", "needs 4 different"),
+        ("0 1 1 2 3", "each once"),
+        ("0 -5 8 9", "0 g to 20000 g"),
+    ):
         with pytest.raises(UserError, match=words):
             own_plan(LOAD_CELL, read_marks(LOAD_CELL, text))
     with pytest.raises(UserError, match="no list of known values"):

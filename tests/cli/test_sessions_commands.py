@@ -24,7 +24,7 @@ def test_info_shows_runs_rig_and_findings(make_session, capsys):
     row = next(line for line in out.splitlines() if "mcp stiffness" in line)
     assert "0.12" in row
     assert "± 10 %" in row
-    assert "note: run 001: endpoint_force was not read in 4000 samples." in out
+    assert "note: run 001: the load cell was not read in 4000 samples." in out
     assert "2 runs, 8.0 s" in out
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -442,7 +443,8 @@ def test_a_comparator_that_is_stuck_high_is_found() -> None:
 
 def test_a_pump_that_holds_for_longer_than_its_rig_file_says_is_found() -> None:
     rig = wired(default_rig())
-    device = SimulatedRig(rig, wired=wired(default_rig(), WIRED.replace("50", "80")).daq)
+    longer = replace(rig.daq, dead_man=replace(rig.daq.dead_man, hold_time=0.08))
+    device = SimulatedRig(rig, wired=longer)
     found = outcomes(check(device, rig, Willing(), steps=BRIEF))["drive/dead_man"]
     assert found.state == "failed"
     assert "not 50 ms" in found.sentence

@@ -146,7 +146,7 @@ def test_the_cable_is_changed_with_the_amplifier_off() -> None:
     rig.set_enable(False)
     rig.set_up("motor_bench", load_torque=0.02)
     assert math.isnan(rig.exchange(0.0).raw[0])
-    with pytest.raises(DeviceFault, match="do not go together"):
+    with pytest.raises(DeviceFault, match="moves no cable"):
         rig.set_up("motor_bench", "flexion")
 
 

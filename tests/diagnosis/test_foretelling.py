@@ -8,7 +8,7 @@ from importlib.resources import files
 import numpy as np
 import pytest
 
-from fingerlab.diagnosis.experiment.separation import Line, Outlook, foretelling
+from fingerlab.diagnosis.experiment.separation import GainLine, Outlook, foretelling
 from fingerlab.diagnosis.score.calibration import Odds, calibrated, calibration
 from tests.hidden.sweep.foretell import fit_line, fit_shows, well_told
 
@@ -26,7 +26,7 @@ def outlook(odds: Odds) -> Outlook:
 
 
 def test_a_line_is_straight_for_small_gains_and_for_logarithms_of_large_ones() -> None:
-    line = Line(offset=0.0, slope=1.0, spread=0.5, trials=9)
+    line = GainLine(offset=0.0, slope=1.0, spread=0.5, trials=9)
     assert line.gain(3.0) == pytest.approx(3.0)
     assert line.gain(50.0, 1.0) / 50.0 == pytest.approx(np.exp(0.5), rel=1e-3)
     assert line.gain(50.0, -1.0) / 50.0 == pytest.approx(np.exp(-0.5), rel=1e-3)

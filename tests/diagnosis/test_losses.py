@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from fingerlab.diagnosis.equations.model import Choice, Model, Unknown
-from fingerlab.diagnosis.fit.priors import surprise
+from fingerlab.diagnosis.fit.priors import prior_penalty
 from fingerlab.effects import CATALOGUE
 from fingerlab.physics.parameter import Parameter
 
@@ -49,7 +49,7 @@ def odds(effect: str, losses: np.ndarray, **gains: float) -> float:
         **ARMS,
         **{f"{effect}.{k}": v for k, v in gains.items()},
     }
-    return surprise(holding(effect, known), np.array(list(known.values())), RADIUS, ROUTINGS)
+    return prior_penalty(holding(effect, known), np.array(list(known.values())), RADIUS, ROUTINGS)
 
 
 def in_favour_of_a_difference(losses: np.ndarray) -> float:
@@ -80,7 +80,7 @@ def test_a_joint_torque_that_keeps_its_sign_on_either_cable_is_no_difference() -
 
 def test_without_losses_the_simpler_effect_comes_first() -> None:
     bench = SimpleNamespace(unknowns=[], choices=(Choice(CATALOGUE["asymmetric_friction"]),))
-    assert surprise(cast(Model, cast(Any, bench)), np.zeros(0), 1.0, ()) > 0.0
+    assert prior_penalty(cast(Model, cast(Any, bench)), np.zeros(0), 1.0, ()) > 0.0
 
 
 def test_the_motor_alone_tells_a_difference_from_a_current_that_is_off() -> None:
@@ -92,7 +92,7 @@ def test_the_motor_alone_tells_a_difference_from_a_current_that_is_off() -> None
     def told(effect: str, **known: float) -> float:
         values = {**dict(zip(names, wanted, strict=True)), **ARMS, **known}
         model = holding(effect, values, spread)
-        return surprise(model, np.array(list(values.values())), RADIUS, ROUTINGS)
+        return prior_penalty(model, np.array(list(values.values())), RADIUS, ROUTINGS)
 
     plain = {"motor_coulomb_friction.coulomb": coulomb}
     off = told("motor_coulomb_friction", torque_zero=zero, **plain)

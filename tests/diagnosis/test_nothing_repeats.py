@@ -59,7 +59,7 @@ def test_nothing_missing_is_said_so(tmp_path: Path, kept: Callable[[Run], Run | 
     ("kept", "effect"), [(without_trajectory, "coulomb_friction"), (only_chirps, "cable_stretch")]
 )
 def test_what_is_missing_is_found(tmp_path: Path, kept: Callable[[Run], Run | None], effect: str) -> None:
-    answer = told(tmp_path, {effect: {}}, 104, kept)
+    answer = told(tmp_path, {effect: {}}, 105, kept)
     assert answer.verdict == "missing_effect"
     assert answer.candidates[0].effect == effect
     # Squared above one, a score is what a law misses: of that the effect explains most.

@@ -57,7 +57,7 @@ def test_the_loops_are_measured_and_modelled_over_their_places(time: Array) -> N
     assert np.ptp(modelled[middle]) == pytest.approx(0.05 * np.ptp(angle[middle]))
     over = tension_loop(one)
     assert over is not None
-    np.testing.assert_array_equal(over.curves["measured"][0], 2.0 + angle)
+    np.testing.assert_allclose(over.curves["measured"][0], 2.0 + angle, rtol=1e-12)
     alone = {name: values for name, values in one.coordinates.items() if not name.startswith("joint")}
     assert tension_loop(replace(one, coordinates=alone)) is None  # of a motor it is the torque over itself
 

@@ -8,8 +8,12 @@ import pytest
 from fingerlab.diagnosis.equations.model import Choice
 from fingerlab.diagnosis.fit.noise import change_of_weight, encoder_spread, log_widening
 from fingerlab.diagnosis.fit.solver import Fitter
+from fingerlab.diagnosis.gram.decimation import rest_moments
 from fingerlab.diagnosis.gram.reduction import reduce_sessions
 from fingerlab.diagnosis.score.scorer import Scorer
+from fingerlab.diagnosis.score.selection import contact_charge
+from fingerlab.diagnosis.settings import CONTACT_CHARGE, NARROW_RATE_HZ, WIDE_RATE_HZ
+from fingerlab.diagnosis.signals.filters import decimate
 from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import Row
 
@@ -58,7 +62,28 @@ def test_friction_at_rest_frees_its_own_equation_by_a_third_of_its_square(scorer
     spread = 1.0 / (weights + held[0])[Row.MCP, Row.MCP] - 1.0 / weights[Row.MCP, Row.MCP]
     assert spread == pytest.approx((torque / arm) ** 2 / 3.0, rel=0.2)
     assert (weights + held[0])[Row.PIP, Row.PIP] == pytest.approx(weights[Row.PIP, Row.PIP])
-    group.whole.rest = None
+    # A standstill holds one unknown force: seen twice as long, it is known to half the variance, and the
+    # density of each of the seven falls by that alone.
+    values[trial.model.index["coulomb_friction.coulomb_mcp"]] = 100.0 * torque
+    fallen = []
+    for samples in (700, 1400):
+        group.whole.rest_samples, group.whole.standstills = samples, 7
+        found = scorer.data.held(0, trial.model, trial.model.features(values, group), weights)
+        assert found is not None
+        fallen.append(found[1])
+    assert fallen[1] - fallen[0] == pytest.approx(7 * np.log(2.0), rel=0.01)
+    group.whole.rest, group.whole.rest_samples, group.whole.standstills = None, 0, 0
+
+
+def test_what_is_held_at_rest_is_doubted_wherever_the_low_pass_carries_it() -> None:
+    """A motor that turns at 1 rad/s and stands from 2 s to 3 s, and a torque of 1 that is held meanwhile."""
+    time = np.arange(0.0, 5.0, 1.0 / WIDE_RATE_HZ)
+    position = np.minimum(time, 2.0) + np.maximum(time - 3.0, 0.0)
+    held = ((time > 2.0) & (time < 3.0)).astype(float)
+    rest, carried, at = rest_moments(position), decimate(held), decimate(time)
+    assert rest[carried > 0.6].all()  # at its edges a half
+    assert not rest[(at < 1.85) | (at > 3.15)].any()
+    assert rest.sum() < 1.4 * NARROW_RATE_HZ
 
 
 def test_a_model_without_friction_is_weighed_as_ever(scorer: Scorer) -> None:
@@ -68,3 +93,14 @@ def test_a_model_without_friction_is_weighed_as_ever(scorer: Scorer) -> None:
     fitter.hold(trial.fit.values)
     assert all(np.array_equal(a, b.matrix) for a, b in zip(before, fitter.sums, strict=True))
     assert fitter.widening == 0.0
+
+
+def test_how_a_tip_rubs_is_held_against_a_lean_and_not_against_a_span(scorer: Scorer) -> None:
+    """A force along the face may pass for one that leans; a normal one turns the joints otherwise."""
+    charges = {
+        name: contact_charge(scorer.bare, scorer.fit([Choice(CATALOGUE[name])], iterations=1))
+        for name in ("load_cell_gain", "contact_angle", "contact_compliance")
+    }
+    assert charges == {
+        "load_cell_gain": 0.0, "contact_angle": CONTACT_CHARGE, "contact_compliance": CONTACT_CHARGE
+    }  # fmt: skip

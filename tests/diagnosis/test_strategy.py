@@ -27,13 +27,14 @@ def path_of(*effects: str, left: float = 0.6) -> list[FittedModel]:
         (path_of(*TAKEN), True),
         (path_of(*TAKEN, left=0.39), False),  # nearly right
         (path_of("presliding_hysteresis"), False),  # one effect alone
-        (path_of("torque_ripple", "stiffness_error"), False),  # the best stood for two others
+        (path_of("torque_ripple", "stiffness_error"), True),  # which mended the shape of the best together
     ],
 )
 def test_another_beginning_is_looked_for_where_a_path_of_several_leaves_much(
     path: list[FittedModel], worth: bool
 ) -> None:
     assert worth_restarting(path, BEST) == worth
+    assert not worth_restarting(path, leaving(1.0, "stiffness_error"))  # has no shape to be refined
 
 
 @pytest.mark.parametrize(("left", "more"), [(0.1, False), (0.19, False), (0.21, True), (0.3, True)])

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from fingerlab.diagnosis.score.evidence import Evidence, judge
+from fingerlab.diagnosis.score.selection import log_odds_among
 from fingerlab.diagnosis.search.grid_refinement import untied, worth_untying
 
 from .invented import leaving
@@ -38,10 +39,10 @@ def test_the_less_likely_one_leaves_at_least_what_it_is_less_likely_by() -> None
     count = refined[0].count
     # Under the weights of the second both leave 5 of each value; under its own, the first is less likely by
     # 15 of each, so that it leaves 20.
-    after = untied(evidence, [0, 1], refined, np.array([15.0 * count, 0.0]))
+    after = log_odds_among(evidence.base, refined, np.array([15.0 * count, 0.0]))
     left = [20.0 + 0.003 * (BEFORE - 5.0), 5.0 + 0.003 * (BEFORE - 5.0)]
     odds = ((left[0] + 0.02 - 0.14) / (left[1] + 0.02 - 0.14)) ** 8
-    assert np.exp(after.log_odds[1] - after.log_odds[0]) == pytest.approx(odds * np.exp(-0.5), rel=0.02)
+    assert np.exp(after[1] - after[0]) == pytest.approx(odds * np.exp(-0.5), rel=0.02)
 
 
 def test_alike_they_stay_alike() -> None:

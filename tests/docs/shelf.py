@@ -29,6 +29,12 @@ SECONDS = 8.0
 """Length of a run in the sessions of most pages; the page with checked numbers has the real ones."""
 MOST_FILES = 2
 """Figures of a report that are written as files of their own, each in every format."""
+ASKED_FOR = (
+    "coulomb_friction", "viscous_friction", "motor_coulomb_friction", "motor_presliding", "spring_hardening",
+    "capstan_friction", "cable_stretch", "gravity_tilt", "load_cell_gain",
+)  # fmt: skip
+"""Effects that are looked for: those of the pages, and one of each other kind. Which is found, no page's run
+tells: the whole catalogue is asked for in ``tests/notebook/test_story.py``, on sessions of real length."""
 OUTPUTS = ("--out", "--save", "--json", "--pdf", "--figures", "--equation", "--model")
 
 
@@ -54,10 +60,11 @@ class Remembered:
     Args:
         work: ``diagnose``, or a fit, of sessions and effects.
         whole: with curves even where none are wanted, as reports of the same sessions will want them.
+        options: of every call.
     """
 
-    def __init__(self, work: Callable[..., Any], whole: bool = False) -> None:
-        self._work, self._whole = work, whole
+    def __init__(self, work: Callable[..., Any], whole: bool = False, **options: Any) -> None:
+        self._work, self._whole, self._options = work, whole, options
         self._made: dict[tuple[object, ...], Any] = {}
 
     def __call__(
@@ -68,7 +75,7 @@ class Remembered:
         for known in ((*same, plain), (*same, False)):
             if known in self._made:
                 return self._made[known]
-        options = {"with_curves": False} if plain else {}
+        options = self._options | ({"with_curves": False} if plain else {})
         return self._made.setdefault((*same, plain), self._work(sessions, effects, **options))
 
 

@@ -17,8 +17,19 @@ import fingerlab.prediction
 import fingerlab.report.content
 import fingerlab.twin.protocols
 from fingerlab.cli.main import cli
+from fingerlab.effects import CATALOGUE
 from tests.docs.console import INSTALLS, OURS, Console, console_lines, mentions, shell_lines
-from tests.docs.shelf import ROOT, Remembered, fill, run, shortened, stop_the_clock, supply, thin_reports
+from tests.docs.shelf import (
+    ASKED_FOR,
+    ROOT,
+    Remembered,
+    fill,
+    run,
+    shortened,
+    stop_the_clock,
+    supply,
+    thin_reports,
+)
 
 DOCS = ROOT / "docs"
 PAGES = (
@@ -86,7 +97,8 @@ def shelf(tmp_path_factory: pytest.TempPathFactory, patched: pytest.MonkeyPatch)
     protocols = fingerlab.twin.protocols.PROTOCOLS
     for name, plans in list(protocols.items()):
         patched.setitem(protocols, name, shortened(plans))  # type: ignore[arg-type]
-    diagnose = Remembered(fingerlab.diagnosis.diagnose, whole=True)
+    others = [name for name in CATALOGUE if name not in ASKED_FOR]
+    diagnose = Remembered(fingerlab.diagnosis.diagnose, whole=True, left_out=others)
     for module in (fingerlab.diagnosis, fingerlab.batch.table):
         patched.setattr(module, "diagnose", diagnose)
     # In this process, which remembers.

@@ -101,6 +101,21 @@ def test_load_dependent_friction_takes_the_known_load_where_there_is_one() -> No
     assert share == pytest.approx(0.09 * looped_stop(motion.position, 0.9 * np.radians(0.3)))
 
 
+def test_what_gears_lose_is_a_share_of_what_they_pass_on() -> None:
+    """A tenth of 50 mN m: the motor gives 55 winding in and 45 paying out, and 5 of both are the loss."""
+    still = moving()
+    winding = still.velocity > 0.6
+    paying = still.velocity < -0.6
+    torque = 0.05 + np.where(winding, 0.005, np.where(paying, -0.005, 0.0))
+    motion = replace(still, torque=torque, acceleration=np.zeros_like(torque))
+    for held in (0.0, 1.0):
+        shape = {"travel_deg": 0.02, "sharpness": held, "held": held, "load_share": 0.1}
+        lost = 0.1 * RADIUS * column(CATALOGUE["load_dependent_friction"].columns(motion, shape), Row.PIP)
+        settled = motion.time > 0.1
+        assert lost[winding & settled] == pytest.approx(0.005, rel=1e-3)
+        assert lost[paying & settled] == pytest.approx(-0.005, rel=1e-3)
+
+
 def test_asymmetric_friction_has_the_sum_one_way_and_the_difference_the_other() -> None:
     """6 mN m winding in and 2 paying out are 4 and half of 4."""
     motion = moving()

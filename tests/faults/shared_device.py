@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from fingerlab.devices.protocol import DeviceFault, Sample
+from fingerlab.devices.simulated import SimulatedRig, Simulation
 from tests.acquisition.fake_device import FakeDevice
 
 LAYOUT = struct.Struct("qdqqqq")
@@ -46,40 +47,37 @@ def read_output(path: Path) -> Output:
     return Output(cycles, volts, bool(enabled), changed, at, guarded)
 
 
-@dataclass(frozen=True)
-class SharedChoice:
-    """Builds the bench in whatever process asks for it."""
+class _OutputInFile:
+    """What a bench adds to be one that outlives its program: its output in a file, and its own pace."""
 
-    path: Path
-    kind: str = "card"
-    real_time: bool = True
+    rate_hz: float
 
-    def build(self) -> SharedDevice:
-        return SharedDevice(self.path)
+    def _stands(self) -> tuple[float, bool, int]:
+        """Set value (V), enable, cycles of the bench."""
+        raise NotImplementedError
 
+    def _let_go(self) -> None:
+        """The guardian has reset the card, which took its tasks away."""
+        raise NotImplementedError
 
-class SharedDevice(FakeDevice):
-    """The fake bench with its output in a file."""
-
-    def __init__(self, path: Path) -> None:
-        super().__init__()
+    def _share(self, path: Path) -> None:
         with path.open("r+b") as file:
             self._memory = mmap.mmap(file.fileno(), LAYOUT.size)
         self._driving = False
         self._due = 0.0
 
     def open(self) -> None:
-        super().open()
+        super().open()  # type: ignore[misc]
         cycles, volts, enabled, changed, at, _ = LAYOUT.unpack(self._memory[:])
         self._memory[:] = LAYOUT.pack(cycles, volts, enabled, changed, at, 0)  # the guardian's trial is over
 
     def start(self) -> None:
-        super().start()
+        super().start()  # type: ignore[misc]
         self._driving = True
         self._due = time.perf_counter()
 
     def set_enable(self, on: bool) -> None:
-        super().set_enable(on)
+        super().set_enable(on)  # type: ignore[misc]
         self._tell()
 
     def exchange(self, command_volts: float) -> Sample:
@@ -89,24 +87,66 @@ class SharedDevice(FakeDevice):
             time.sleep(early)
         else:
             self._due -= early
-        if LAYOUT.unpack(self._memory[:])[5]:  # the guardian has reset the card, which took its tasks away
-            self.volts, self.enabled = 0.0, False
+        if LAYOUT.unpack(self._memory[:])[5]:
+            self._let_go()
             raise DeviceFault("The shared bench was taken away.")
-        sample = super().exchange(command_volts)
+        sample: Sample = super().exchange(command_volts)  # type: ignore[misc]
         self._tell()
         return sample
 
     def make_safe(self) -> bool:
-        super().make_safe()
+        super().make_safe()  # type: ignore[misc]
         self._tell()
         return True
 
     def _tell(self) -> None:
         cycles, volts, enabled, changed, at, guarded = LAYOUT.unpack(self._memory[:])
+        now, on, total = self._stands()
         if self._driving:
-            cycles = self.total
+            cycles = total
         else:
             guarded += 1
-        if (self.volts, int(self.enabled)) != (volts, enabled):
+        if (now, int(on)) != (volts, enabled):
             changed, at = time.monotonic_ns(), cycles
-        self._memory[:] = LAYOUT.pack(cycles, self.volts, int(self.enabled), changed, at, guarded)
+        self._memory[:] = LAYOUT.pack(cycles, now, int(on), changed, at, guarded)
+
+
+class SharedDevice(_OutputInFile, FakeDevice):
+    """The fake bench with its output in a file."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self._share(path)
+
+    def _stands(self) -> tuple[float, bool, int]:
+        return self.volts, self.enabled, self.total
+
+    def _let_go(self) -> None:
+        self.volts, self.enabled = 0.0, False
+
+
+class SharedFinger(_OutputInFile, SimulatedRig):
+    """The simulated rig with its output in a file; its finger ends with the program."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(simulation=Simulation(seed=2))
+        self._share(path)
+
+    def _stands(self) -> tuple[float, bool, int]:
+        return self._output, self._enabled, self._cycles
+
+    def _let_go(self) -> None:
+        self._output, self._enabled = 0.0, False
+
+
+@dataclass(frozen=True)
+class SharedChoice:
+    """Builds the bench in whatever process asks for it; ``finger``: that of the simulated rig."""
+
+    path: Path
+    kind: str = "card"
+    real_time: bool = True
+    finger: bool = False
+
+    def build(self) -> SharedDevice | SharedFinger:
+        return (SharedFinger if self.finger else SharedDevice)(self.path)

@@ -3,13 +3,15 @@
 ``python -m tests.faults.stops`` starts an X server without a screen (Xvfb) with a window manager (openbox),
 and in it the window with the simulated rig in real time. Whatever the program can open is opened
 (``tests/ui/everything_open.py``), stopped by a press, by Escape and by the foot switch's key, all as events
-of the X server. ``--keep FILE`` writes the page from outcomes taken before.
+of the X server. ``--keep FILE`` writes the page from outcomes taken before; ``--new`` takes only what the
+page has no row for yet, and leaves its other rows.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import math
 import os
 import subprocess
 import sys
@@ -29,18 +31,38 @@ WAYS = ("press", "Escape", "key")
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--keep", type=Path, help="JSON lines of outcomes: written, or read where it exists")
+    parser.add_argument("--new", action="store_true", help="only what the page has no row for")
     options = parser.parse_args()
+    page = PAGE.read_text(encoding="utf-8")
+    before = outcomes_of(page) if options.new else []
     with tempfile.TemporaryDirectory() as folder:
         path = options.keep or Path(folder) / "stops.jsonl"
         if not path.exists():
-            take(path)
-        outcomes = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
-    PAGE.write_text(with_section(PAGE.read_text(encoding="utf-8"), section(outcomes)), encoding="utf-8")
+            take(path, [outcome["surface"] for outcome in before])
+        outcomes = before + [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
+    PAGE.write_text(with_section(page, section(outcomes)), encoding="utf-8")
 
 
-def take(path: Path) -> None:
-    """Take the outcomes under an X server of its own."""
+def outcomes_of(page: str) -> list[dict[str, Any]]:
+    """What the rows of the page's table say."""
+    rows = page[page.index(BEGIN) : page.index(END)].splitlines()
+    outcomes = []
+    table = [row.strip("|").split("|") for row in rows if row.startswith("|")]
+    for name, *cells in ([cell.strip() for cell in row] for row in table):
+        if name == "standing open" or set(name) == {"-"}:
+            continue
+        for way, cell_ in zip(WAYS, cells, strict=True):
+            ms, _, wrong = cell_.partition(" ")
+            if ms != "–":
+                took = None if ms == "never" else float(ms)
+                outcomes.append({"surface": name, "way": way, "plant_ms": took, "wrong": wrong.strip("()")})
+    return outcomes
+
+
+def take(path: Path, known: list[str]) -> None:
+    """Take the outcomes under an X server of its own, but for what is known."""
     environment = {**os.environ, "DISPLAY": DISPLAY, "QT_QPA_PLATFORM": "xcb", "FINGERLAB_STOPS": str(path)}
+    environment["FINGERLAB_STOPS_KNOWN"] = json.dumps(known)
     server = subprocess.Popen(["Xvfb", DISPLAY, "-screen", "0", "1920x1080x24"])
     time.sleep(2.0)
     manager = subprocess.Popen(["openbox"], env=environment)
@@ -67,7 +89,9 @@ def take(path: Path) -> None:
 def section(outcomes: list[dict[str, Any]]) -> str:
     """The outcomes as a part of the page."""
     names = list(dict.fromkeys(outcome["surface"] for outcome in outcomes))
-    found = {(o["surface"], o["way"]): o for o in outcomes}
+    found: dict[tuple[str, str], dict[str, Any]] = {}
+    for o in sorted(outcomes, key=_taken_ms):  # of two lists of one name the later stop is told
+        found[o["surface"], o["way"]] = o
     rows = []
     for name in names:
         cells = [cell(found.get((name, way))) for way in WAYS]
@@ -82,6 +106,10 @@ def section(outcomes: list[dict[str, Any]]) -> str:
         never=sum(o["plant_ms"] is None for o in outcomes),
         wrong=sum(bool(o["wrong"]) for o in outcomes),
     )
+
+
+def _taken_ms(outcome: dict[str, Any]) -> float:
+    return math.inf if outcome["plant_ms"] is None else float(outcome["plant_ms"])
 
 
 def cell(outcome: dict[str, Any] | None) -> str:

@@ -1,9 +1,10 @@
 """Hundreds of kills at random moments, counted in ``docs/faults.md``.
 
-``python -m tests.faults.sweep [KILLS] [SEED] [--card] [--keep FILE]`` (500 and 1 by default; some five
-seconds each, ten with ``--card``). With ``--keep`` a sweep can be taken in pieces: outcomes are added to the
-file and counted as a whole. The tables of the page that were counted are written anew; the words between are
-the page's own. With no kills and nothing kept, the tables of the other faults alone are taken.
+``python -m tests.faults.sweep [KILLS] [SEED] [--card | --trial] [--keep FILE]`` (500 and 1 by default; some
+five seconds each, ten with ``--card``, thirty with ``--trial``). With ``--keep`` a sweep can be taken in
+pieces: outcomes are added to the file and counted as a whole. The tables of the page that were counted are
+written anew; the words between are the page's own. With no kills and nothing kept, the tables of the other
+faults alone are taken.
 """
 
 from __future__ import annotations
@@ -24,7 +25,9 @@ import numpy as np
 from tests.faults.injected import table
 from tests.faults.killing import VICTIMS, kill_once
 from tests.faults.killing_checks import STEPS, NotSoFar, kill_check
+from tests.faults.killing_trials import MOMENTS, kill_trial, rows_of_trials
 from tests.faults.live_card import served
+from tests.prediction.trial_model import model_with_effect
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "faults.md"
 LIMIT_MS, LIMIT_S = 50.0, 0.25
@@ -41,12 +44,14 @@ def main() -> None:
     parser.add_argument(
         "--card", action="store_true", help="at the virtual card, and check-rig in each step, too"
     )
+    parser.add_argument("--trial", action="store_true", help="a force trial, in each of its moments")
     options = parser.parse_args()
     chance = random.Random(options.seed)
     outcomes: list[dict[str, Any]] = []
     if options.keep and options.keep.exists():
         outcomes = [json.loads(line) for line in options.keep.read_text(encoding="utf-8").splitlines()]
     kills = kills_at_the_card if options.card else kills_at_the_fake_bench
+    kills = kills_of_a_trial if options.trial else kills
     for number, outcome in enumerate(kills(options, chance)):
         outcomes.append(outcome)
         if options.keep:
@@ -54,6 +59,9 @@ def main() -> None:
                 file.write(json.dumps(outcome) + "\n")
         print(number + 1, outcome, file=sys.stderr)
     text = PAGE.read_text(encoding="utf-8")
+    if options.trial:
+        PAGE.write_text(with_part(text, "kills of a force trial", rows_of_trials(outcomes)), encoding="utf-8")
+        return
     if outcomes:
         text = with_part(text, "kills at the card" if options.card else "kills", rows(outcomes))
         checks = [outcome for outcome in outcomes if "step" in outcome]
@@ -95,6 +103,20 @@ def kills_at_the_card(options: argparse.Namespace, chance: random.Random) -> Ite
             for _ in range(TRIES):
                 with suppress(NotSoFar):
                     yield asdict(kill_check(card, who, how, chance.random()))
+                    break
+
+
+def kills_of_a_trial(options: argparse.Namespace, chance: random.Random) -> Iterator[dict[str, Any]]:
+    """Every process in every moment of a force trial, by SIGTERM and by SIGKILL."""
+    turns = [(who, when, how) for how in ("SIGTERM", "SIGKILL") for when in MOMENTS for who in VICTIMS]
+    chance.shuffle(turns)
+    with tempfile.TemporaryDirectory() as own:
+        model = model_with_effect(Path(own))
+        for number in range(options.kills):
+            who, when, how = turns[number % len(turns)]
+            for _ in range(TRIES):
+                with tempfile.TemporaryDirectory() as folder, suppress(NotSoFar):
+                    yield asdict(kill_trial(Path(folder), model, who, when, how, chance.random()))
                     break
 
 

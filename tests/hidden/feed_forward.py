@@ -209,7 +209,8 @@ nothing; hence the median also of those benches alone in which the nominal model
 as much. `foretold` is what the found model foretells of the ratio, with its whole error on held-out
 runs, a constant included, and therefore mostly too high. `share` is how far from the nominal torque to
 its own the found model's practice bore it out: at 0 the nominal torque was sent for both, and the ratio
-is one but for the scatter of the runs.
+is one but for the scatter of the runs: with a share of 0, "worse beyond chance" says that few pairs know
+too little of a tip that sticks, and of no model.
 
 On the simulated rig strengths are 0.6 to 1.6 times the default ones. The way the torque is learned was
 worked out on seed 501; nothing was tuned to any other. The second engine is MuJoCo's mechanics behind

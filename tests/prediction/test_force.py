@@ -50,10 +50,10 @@ def tension(joint: str, force: np.ndarray) -> np.ndarray:
     return (0.12 * MCP - weight_mcp + lever_mcp() * force - LOSS_MCP) / ARM_MCP
 
 
-def session(pull: np.ndarray, cell: np.ndarray | None) -> Session:
+def session(pull: np.ndarray, cell: np.ndarray | None, pip: np.ndarray | None = None) -> Session:
     channels = {
         "motor_position": np.full_like(TIME, 0.4), "motor_torque": RADIUS * pull,
-        "mcp_angle": np.full_like(TIME, MCP), "pip_angle": np.full_like(TIME, PIP),
+        "mcp_angle": np.full_like(TIME, MCP), "pip_angle": np.full_like(TIME, PIP) if pip is None else pip,
     }  # fmt: skip
     if cell is not None:
         channels["endpoint_force"] = cell
@@ -103,6 +103,24 @@ def test_a_leaning_force_shortens_or_lengthens_the_lever() -> None:
     distal = MCP + PIP - math.radians(15)
     leaning = 2 * 0.024 * (math.cos(distal) + tangent * math.sin(distal))
     assert force == pytest.approx(np.interp(stretch.time, TIME, TRUE_FORCE) * lever_pip() / leaning, abs=3e-4)
+
+
+def test_a_spring_at_the_tip_begins_where_it_was_set_down() -> None:
+    """The finger comes down from 6 degrees above the load cell; before it moves, friction holds 2 N."""
+    down = np.clip((TIME - 1.0) / 0.8, 0.0, 1.0)
+    down = down * down * (3.0 - 2.0 * down)
+    true = (TRUE_FORCE + 0.3) * (down == 1.0)  # above what lets a tip go
+    pip = PIP - 0.1 * (1.0 - down) + 0.004 * np.sin(2 * np.pi * 0.4 * TIME) * down
+    distal = MCP + pip - math.radians(15)
+    reach = 2 * 0.0225 * math.cos(math.radians(15) - MCP) + 2 * 0.024 * np.cos(distal)
+    sideways = 800.0 * (reach - reach[down == 1.0].mean()) * (down == 1.0)  # N
+    moment = 2 * 0.024 * (true * np.cos(distal) + sideways * np.sin(distal))
+    pull = (0.06 * pip - 0.013 * 9.81 * 0.024 * np.cos(distal) + moment - LOSS_PIP) / ARM_PIP
+    made = session(pull + 2.0 * (TIME < 1.0), None, pip)
+    (stretch,) = contact_stretches(made, made.runs[0])
+    force = solved_forces(stretch, [], VALUES | {"lateral_spring": 800.0}, "M")["pip"]
+    # Taken to begin amid all that the finger did, it would be 0.15 N off throughout.
+    assert force == pytest.approx(np.interp(stretch.time, TIME, true), abs=0.01)
 
 
 def test_a_delay_is_taken_out() -> None:

@@ -99,7 +99,7 @@ def test_a_contact_run_without_force_is_told(make_session):
     def change(file):
         del file["runs/002/endpoint_force"]
 
-    assert any("without endpoint_force" in f.text for f in findings(make_session(change=change)))
+    assert any("without the fingertip's force" in f.text for f in findings(make_session(change=change)))
 
 
 def test_bad_samples_are_refused_at_their_first_use_too(make_session):

@@ -197,10 +197,14 @@ def test_phase_and_cable_must_go_together() -> None:
     wave = {"kind": "sine", "amplitude_deg": 5.0}
     with pytest.raises(UserError, match="phase"):
         single_run(wave, "asleep")
-    with pytest.raises(UserError, match="do not go together"):
+    with pytest.raises(UserError, match="motor alone moves no cable"):
         single_run(wave, "motor_bench", "flexion")
+    with pytest.raises(UserError, match="moves by a cable"):
+        single_run(wave, "on_air", "none")
     with pytest.raises(UserError, match="flexion cable"):
         single_run(wave, "contact", "extension")
+    with pytest.raises(UserError, match="hangs on the motor alone"):
+        single_run({**wave, "load_torque": 0.05}, "contact")
 
 
 @pytest.mark.parametrize("told", ['{"population": true}', '{"effects": ["delay"]}', '{"effects": {"a": 1}}'])

@@ -5,8 +5,10 @@ from __future__ import annotations
 import subprocess
 import sys
 from collections.abc import Iterator
+from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QGuiApplication
 from PySide6.QtWidgets import (
@@ -44,8 +46,18 @@ def _another_program(stage: Stage) -> None:
     stage.others.append(subprocess.Popen([sys.executable, "-c", ANOTHER_PROGRAM]))
 
 
+def _trial_torques(stage: Stage) -> None:
+    """As a force trial shows them, before it asks whether the first may be sent."""
+    tab = stage.tab("acquire")
+    time = np.arange(0.0, 8.0, 0.01)
+    force = 0.9 + 0.5 * np.sin(np.pi * time)
+    plan = SimpleNamespace(time=time, force=force, torque=0.2 * force, torque_limit=0.37)
+    tab._show_torques({"nominal": plan, "found": plan})
+    tab.prompt.ask("Look at the torque to come.")
+
+
 def pages(window: MainWindow) -> Iterator[Surface]:
-    """Every tab with nothing open; the pages of the wizard."""
+    """Every tab with nothing open; the pages of the wizard and of a force trial."""
     for entry in TABS:
         yield Surface(f"Nothing: {entry.title}", (), (), entry.key, _at_once)
     yield Surface(
@@ -55,6 +67,7 @@ def pages(window: MainWindow) -> Iterator[Surface]:
         "calibrate",
         _at_once,
     )
+    yield Surface("Nothing: Acquire, a force trial's torques", (_trial_torques,), (), "acquire", _at_once)
     if QGuiApplication.platformName() == "xcb":
         yield Surface(
             "Nothing: another program in front",

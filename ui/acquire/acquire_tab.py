@@ -121,10 +121,10 @@ class AcquireTab(Tab):
         self._refresh()
 
     def _build(self) -> None:
-        self.plots.free.remember(self.context.settings, "acquire")
         self.torques = TrialTorques()
         self.beside_panel = QStackedWidget()
         self.beside_panel.addWidget(self.plots.free.beside(self.plots))
+        self.plots.free.remember(self.context.settings, "acquire")
         self.beside_panel.addWidget(self.torques)
         left = vbox(None, AbovePlots(self.toolbar, self.prompt), (self.beside_panel, 1), spacing=0)
         bench = QWidget()

@@ -15,6 +15,7 @@ from fingerlab.core.text import with_minus
 
 from ..widgets.free_plots import TIME, FreePlots
 from ..widgets.layout import FLUSH, vbox
+from ..widgets.tables import remark
 from .live_history import PLOTS, QUANTITIES, LiveHistory
 from .live_pane import LivePane
 
@@ -67,6 +68,9 @@ class LivePlots(QWidget):
             layout.addWidget(pane, pane.spec.share)
             pane.moved_by_hand.connect(self._on_hand)
             pane.cursor_moved.connect(self._on_cursor)
+        self.none_seen = remark("None of these plots is seen; Plots, above, brings them back.")
+        self.none_seen.setAlignment(Qt.AlignmentFlag.AlignCenter)
+        layout.addWidget(self.none_seen, 1)
         layout.addWidget(self.scroll_bar)
         self.show_model(False, False)
 
@@ -99,6 +103,7 @@ class LivePlots(QWidget):
             pane.setVisible((on or not pane.spec.model) and whole not in self.free.left_out)
             if not pane.isHidden():
                 last = pane
+        self.none_seen.setVisible(last is None)
         for pane in self.panes.values():
             pane.show_time_axis(pane is last)
         self.refresh()

@@ -170,6 +170,7 @@ class CalibrateTab(Tab):
         except UserError as error:
             self.context.tell(str(error))
             return
+        self.context.hush()  # what was said of marks before these
         bench = self.context.bench
         assert bench is not None
         channel = getattr(bench.rig.daq, CHANNELS[name][0])

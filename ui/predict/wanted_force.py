@@ -14,7 +14,6 @@ from PySide6.QtWidgets import (
     QComboBox,
     QFileDialog,
     QFormLayout,
-    QLabel,
     QPushButton,
     QSizePolicy,
     QVBoxLayout,
@@ -30,7 +29,7 @@ from ..app.context import ApplicationContext
 from ..app.worker import IsCancelled, Progress
 from ..widgets.layout import Panes, as_written, described
 from ..widgets.plots import QuietPlot, plain_curve, span_of
-from ..widgets.tables import heading, remark
+from ..widgets.tables import WordsLabel, heading, remark
 from ..widgets.theme import colours_of, tint
 from ..widgets.wanted_fields import WantedFields
 
@@ -55,7 +54,7 @@ class WantedPanel(QWidget):
         self.model_name.setObjectName("wantedModelName")
         self.pose = _choice("wantedPose", "Contact run that says how the finger stands")
         self.wanted = WantedFields(self)
-        self.result, self.limits = QLabel(), QLabel()
+        self.result, self.limits = WordsLabel(), WordsLabel()
         self.result.setObjectName("wantedResult")
         self.limits.setObjectName("wantedLimits")
         for label in (self.result, self.limits):
@@ -181,7 +180,8 @@ class TorquePlot(PlanPlot):
             "τ, N m at the gearbox output: what the model needs for F.\n"
             "By the PIP equation τ = r·(F·lever + LHS2 − L2) / (s·b), thesis (3.18) for the tension; a "
             "model with effects is solved by the secant method.\n"
-            "Shaded: 90 % interval of the force, divided by what a newton metre adds to the force."
+            "Shaded: 90 % interval of the force, divided by what a newton metre adds to the force, and "
+            "what a spring at the tip does that may be set down elsewhere."
         )
 
     def redraw(self) -> None:
@@ -235,6 +235,7 @@ class WantedView(QObject):
 
     def take(self, session: Session | None, models: Mapping[str, Model]) -> None:
         """Another session, or other models."""
+        from fingerlab.prediction.extended import Variant
         from fingerlab.prediction.inverse import predictors
 
         self._session = session
@@ -244,6 +245,9 @@ class WantedView(QObject):
                 self._predictors[f"{file}: {words}"] = (file, one)
         runs = [run.name for run in session.contact_runs()] if session is not None else []
         self.panel.show_choices(tuple(self._predictors), runs)
+        bands = [one.band for _, one in self._predictors.values() if isinstance(one, Variant) and one.band]
+        if bands:  # one standard deviation about the mean lies inside what was recorded
+            self.panel.wanted.start_at(bands[0].centre, bands[0].spread)
         self._show(None)
         if self._shown:
             self._timer.start()

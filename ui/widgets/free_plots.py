@@ -18,7 +18,7 @@ from fingerlab.core.text import ScreenUnit
 from fingerlab.sessions.model import Array
 
 from .fields import choice, form_menu
-from .layout import FLUSH, described, hbox, vbox
+from .layout import FLUSH, Panes, described, hbox, vbox
 from .series import envelope
 from .tables import remark
 
@@ -239,6 +239,7 @@ class FreePlots(QWidget):
         self.left_out: frozenset[str] = frozenset()
         self.plots: list[FreePlot] = []
         self._made = self._turn = 0
+        self._beside: Panes | None = None
         self._keep: Callable[[str], None] = lambda _text: None
         self._stack = QSplitter(Qt.Orientation.Vertical)
         self._stack.setChildrenCollapsible(False)
@@ -247,16 +248,15 @@ class FreePlots(QWidget):
 
     def beside(self, page: QWidget) -> QSplitter:
         """The page's own plots with these at their right."""
-        both = QSplitter(Qt.Orientation.Horizontal)
-        both.setChildrenCollapsible(False)
-        for share, part in ((3, page), (1, self)):
-            both.addWidget(part)
-            both.setStretchFactor(both.count() - 1, share)
-        both.setSizes([3 * WIDTH, WIDTH])
-        return both
+        parts, widths = ((page, 3), (self, 1)), (3 * WIDTH, WIDTH)
+        self._beside = Panes("besidePlots", parts, widths, Qt.Orientation.Horizontal)
+        return self._beside
 
     def remember(self, settings: Settings, name: str) -> None:
-        """Arrange the plots as they were left, and keep every change."""
+        """Arrange the plots as they were left, as wide as they were, and keep every change."""
+        if self._beside is not None:
+            self._beside.setObjectName(f"{name}Beside")
+            self._beside.remember(settings)
         try:
             kept = json.loads(settings.arrangement(name) or "{}")
             left_out, free = kept.get("left_out", []), kept.get("free", [])

@@ -235,17 +235,21 @@ class SideRoom(_Fitted):
 
 
 class Panes(QSplitter):
-    """A vertical splitter of which no part can be dragged away.
+    """A splitter, vertical if nothing else is said, of which no part can be dragged away.
 
     Args:
         parts: each widget with its share of the room that a larger window gives.
-        heights: px at first; None leaves them to the widgets.
+        heights: px at first, widths where it is horizontal; None leaves them to the widgets.
     """
 
     def __init__(
-        self, name: str, parts: Sequence[tuple[QWidget, int]], heights: Sequence[int] | None = None
+        self,
+        name: str,
+        parts: Sequence[tuple[QWidget, int]],
+        heights: Sequence[int] | None = None,
+        orientation: Qt.Orientation = Qt.Orientation.Vertical,
     ) -> None:
-        super().__init__(Qt.Orientation.Vertical)
+        super().__init__(orientation)
         self.setObjectName(name)
         self.setChildrenCollapsible(False)
         for widget, share in parts:

@@ -58,6 +58,8 @@ def label_left(plot: pg.PlotItem, quantity: str, unit: ScreenUnit) -> None:
     metrics = QFontMetricsF(small_font())
     if metrics.horizontalAdvance(text) > 1.05 * plot.getViewBox().height() and unit.symbol:
         text = unit.symbol
+    if metrics.horizontalAdvance(text) > 1.05 * plot.getViewBox().height():
+        text = text.split(" re ")[0]  # decibels above what, the whole label tells
     if plot.getAxis("left").labelText != text:
         plot.setLabel("left", text)
         plot.getAxis("left").resizeEvent()  # puts a label of another length in the middle again

@@ -52,6 +52,7 @@ class WantedFields(QObject):
             name: _number(f"{prefix}_{name}", label, (specs or {}).get(name, spec), words)
             for name, (label, _, spec, words) in FIELDS.items()
         }
+        self._begun = {name: field.value() for name, field in self.numbers.items()}
         self.file = described(
             QPushButton("Choose…"), f"{prefix}File", tip="Text table of time (s) and force (N)."
         )
@@ -67,6 +68,16 @@ class WantedFields(QObject):
         for field in self.numbers.values():
             field.valueChanged.connect(lambda _value: self.changed.emit())
         self.file.clicked.connect(self._choose_file)
+
+    def start_at(self, mean_n: float, amplitude_n: float) -> None:
+        """Another mean and amplitude to begin with, N, where nobody has asked for any yet; tells nobody."""
+        for name, value in {"mean_n": mean_n, "amplitude_n": amplitude_n}.items():
+            field = self.numbers[name]
+            if field.value() == self._begun[name]:
+                field.blockSignals(True)
+                field.setValue(value)
+                field.blockSignals(False)
+                self._begun[name] = field.value()
 
     def set_shown(self, on: bool) -> None:
         """All rows, as far as the kind has them, or none."""

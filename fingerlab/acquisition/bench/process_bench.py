@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import multiprocessing
 import signal
+import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -164,10 +165,11 @@ class ProcessBench(Bench):
             UserError: the device cannot be opened.
         """
         self.rate_hz, self.settings = rate_hz, settings
-        self.ring = Ring.make(round(RING_S * rate_hz), len(COLUMNS))
-        self.board = SharedStatus.make()
         self._number = 0
         self._closed = False
+        heard_later = _HeardLater()  # what is half made could not be closed
+        self.ring = Ring.make(round(RING_S * rate_hz), len(COLUMNS))
+        self.board = SharedStatus.make()
         plan = Plan(device, settings, str(self.ring.name), str(self.board.name), rescue)
         context = multiprocessing.get_context("spawn")
         commands_in, self._commands = context.Pipe(duplex=False)
@@ -191,6 +193,7 @@ class ProcessBench(Bench):
         self.recorder = self._far
         try:
             _interrupts("SIG_SETMASK", before)
+            heard_later.now()
             self._wait_for_start()
         except BaseException:
             self.close()
@@ -245,16 +248,20 @@ class ProcessBench(Bench):
     def close(self) -> None:
         if self._closed:
             return
+        heard_later = _HeardLater()  # half closed, its recorder would wait for a word, and the program for it
         self._closed = True
-        self.stop()
-        with suppress(OSError):
-            self._commands.send((self._number + 1, Quit()))
-        self._join(self.loop_process)
-        self._far.quit()
-        self._join(self.recorder_process)
-        self._commands.close()
-        self.ring.close()
-        self.board.close()
+        try:
+            self.stop()
+            with suppress(OSError):
+                self._commands.send((self._number + 1, Quit()))
+            self._join(self.loop_process)
+            self._far.quit()
+            self._join(self.recorder_process)
+            self._commands.close()
+            self.ring.close()
+            self.board.close()
+        finally:
+            heard_later.now()
 
     def _wait_for_start(self) -> None:
         end = time.monotonic() + START_S
@@ -282,6 +289,25 @@ def _interrupts(how: str, which: Any) -> Any:
     if hasattr(signal, "pthread_sigmask"):
         return signal.pthread_sigmask(getattr(signal, how), which)
     return which
+
+
+class _HeardLater:
+    """From now on Ctrl-C and SIGTERM wait until ``now``, where this is the thread that is told of them."""
+
+    def __init__(self) -> None:
+        self._came: list[int] = []
+        self._before: dict[signal.Signals, Any] = {}
+        if threading.current_thread() is threading.main_thread():
+            for which in (signal.SIGINT, signal.SIGTERM):
+                self._before[which] = signal.signal(which, lambda number, _: self._came.append(number))
+
+    def now(self) -> None:
+        """Listen as before, and hear what has come meanwhile."""
+        for which, handler in self._before.items():
+            signal.signal(which, signal.SIG_DFL if handler is None else handler)
+        self._before = {}
+        for number in self._came:
+            signal.raise_signal(number)
 
 
 class RemoteRecorder(RecorderClient):

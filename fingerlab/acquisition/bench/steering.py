@@ -76,11 +76,11 @@ def prepare(command: Command, settings: LoopSettings, cable: bool = True) -> Com
     Args:
         cable: whether a cable is on the pulley, whose tension may not rise too fast.
     """
-    if isinstance(command, Approach) and command.force > settings.limits.force:
-        return Refused(
-            f"The load cell is to be pressed with {command.force:g} N; the limit of the force is "
-            f"{settings.limits.force:g} N."
-        )
+    if isinstance(command, Approach):
+        try:
+            check_press(command.force, settings.limits)
+        except UserError as error:
+            return Refused(str(error))
     if not isinstance(command, Start):
         return command
     try:
@@ -93,6 +93,14 @@ def prepare(command: Command, settings: LoopSettings, cable: bool = True) -> Com
     except UserError as error:
         return Refused(str(error))
     return ReadyStart(trajectory, command.endless)
+
+
+def check_press(force: float, limits: Limits) -> None:
+    """Raise UserError where the load cell is to be pressed with more (N) than the force's limit."""
+    if force > limits.force:
+        raise UserError(
+            f"The load cell is to be pressed with {force:g} N; the limit of the force is {limits.force:g} N."
+        )
 
 
 def _check_range(trajectory: Trajectory, limits: Limits) -> None:

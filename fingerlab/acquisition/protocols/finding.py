@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 
 from fingerlab.acquisition.bench.bench import Bench
+from fingerlab.acquisition.bench.steering import check_press
 from fingerlab.acquisition.control.machine import Approach, Command, Disable, Enable, Initialise, Jog, TakeUp
 from fingerlab.acquisition.protocols.steps import APPROACH_LIMIT, APPROACH_SPEED, SETTLE_S
 from fingerlab.acquisition.ring import COLUMN
@@ -76,6 +77,7 @@ def find_contact(
     Raises:
         UserError: it was refused or stopped, or the finger does not reach the load cell.
     """
+    check_press(force, bench.settings.limits)  # before the slack is taken up
     given = until or bench.wait_until
 
     def wait(condition: Callable[[], bool], seconds: float, words: str) -> None:

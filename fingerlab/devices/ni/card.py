@@ -161,11 +161,13 @@ class NiCard:
     def try_stop(self) -> None:
         """What ``make_safe`` does, tried beforehand by a guardian, while nobody drives.
 
-        The card is not taken from a program that has it; what the stop needs is ready from now on. Raises
-        DeviceLost, DeviceFault.
+        The card is not taken from a program that has it, neither now nor later; what the stop needs is ready
+        from now on. Raises DeviceLost, DeviceFault.
         """
+        self._refused = True
         self._rest()
         self._ready = ReadyStop(self._connection, self._daq)
+        self._refused = False
 
     def close(self) -> None:
         self.make_safe()

@@ -55,14 +55,20 @@ FAULTS: dict[int, str] = {
 }
 """Codes after which the same card may be tried again."""
 
+RESET = (
+    "The card was removed, or reset by hand or by another program, while it was running; close such a "
+    "program, check the card and open it again."
+)
+"""Which of them, the driver does not tell."""
+
 LOSSES: dict[int, str] = {
     -200220: "The driver knows no card of that name; correct 'device' in the rig file's [daq] or plug it in.",
     -201003: "The card cannot be reached, as if unplugged or without power; check it and open it again.",
     -200324: "The card is absent or its driver is not loaded; check it and open it again.",
     -50405: "The transfer from the card has broken off, as if it was unplugged; check it and open it again.",
-    -88709: "The card was reset or removed while it was running; check it and open it again.",
-    -88710: "The card was reset or removed while it was running; check it and open it again.",
-    -200088: "The card no longer knows the running task, as after a reset; open it again.",
+    -88709: RESET,
+    -88710: RESET,
+    -200088: f"The card no longer knows the running task. {RESET}",
 }
 """Codes after which the card has to be opened anew."""
 

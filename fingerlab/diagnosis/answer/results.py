@@ -1,4 +1,4 @@
-"""What a diagnosis says, as plain frozen objects; the JSON of ``cli.md`` is made from them here."""
+"""What a diagnosis says, as plain frozen objects; that of ``diagnose --json`` is made from them here."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ EQUATION_TITLES = {
     "endpoint_force_mcp": "Endpoint force (MCP equation)",
     "motor_torque": "Motor torque",
 }
-"""The comparisons of ``physics.md``: id and title."""
+"""The comparisons of the nominal model, ``docs/theory.md``: id and title."""
 ROW_EQUATIONS = {
     Row.MCP: "mcp_torque",
     Row.PIP: "pip_torque",
@@ -40,7 +40,7 @@ FAMILIES = {
     "motor_torque": "motor_torque",
     "tip_depth": "endpoint_force",
 }
-"""Family of ``cli.md`` to which each equation that is scored belongs; where a tip lies, its force says."""
+"""Family in ``diagnose --json`` of each equation that is scored; where a tip lies, its force says."""
 WHY_ASIDE = {
     "ramp": "ramp",
     "slack": "slack",
@@ -48,7 +48,7 @@ WHY_ASIDE = {
     "spikes": "outliers",
     "gap": "gap",
 }
-"""Reasons of :class:`RunAside`, and what ``cli.md`` calls them."""
+"""Reasons of :class:`RunAside`, and what ``diagnose --json`` calls them."""
 
 
 @dataclass(frozen=True)
@@ -162,7 +162,7 @@ class OtherModel:
     log_odds: float
 
     def to_json(self) -> dict[str, Any]:
-        """The object of ``cli.md``, "better_model"."""
+        """The object "better_model" of ``diagnose --json``."""
         return {
             "remove": list(self.removed),
             "add": list(self.added),
@@ -196,7 +196,7 @@ FINDINGS = {
     "skew": "skew",
     "missing_channel": "dead_channel",
 }
-"""Kinds of findings, and their names in ``cli.md``; the zero of the motor's torque is the amplifier's."""
+"""Kinds of findings, and what ``diagnose --json`` calls them; the motor torque's zero is the amplifier's."""
 
 
 @dataclass(frozen=True)
@@ -223,7 +223,7 @@ class BenchFinding:
         return f"{self.sentence}: {self.advice}."
 
     def to_json(self) -> dict[str, Any]:
-        """The object of ``cli.md``, "bench"."""
+        """The object "bench" of ``diagnose --json``."""
         amplifier = self.kind == "moving_zero" and self.channel == "motor_torque"
         return {
             "finding": "amplifier_offset" if amplifier else FINDINGS[self.kind],
@@ -365,7 +365,7 @@ class RunAside:
     seconds: float
 
     def to_json(self) -> dict[str, Any]:
-        """The object of ``cli.md``, "left_aside"."""
+        """The object "left_aside" of ``diagnose --json``."""
         return {**vars(self), "why": WHY_ASIDE[self.reason], "runs": [self.run]}
 
 
@@ -496,7 +496,7 @@ class Diagnosis:
     last: FittedModel | None = field(default=None, repr=False, compare=False)
 
     def to_json(self) -> dict[str, Any]:
-        """The object of ``cli.md``, "diagnose --json", ready for ``json.dumps``."""
+        """The object that ``diagnose --json`` writes, ready for ``json.dumps``."""
         return {
             "schema": 1,
             "sessions": list(self.sessions),

@@ -300,7 +300,7 @@ def _at_bounds(fitted: FittedModel, effect: Effect) -> str:
     """What is to be said where a strength is beyond, or at the end of, what was thought plausible."""
     usual, keys, stuck = find_effect(effect.id) or effect, own_keys(fitted, effect), at_assumed_bounds(fitted)
     said = []
-    for name in dict.fromkeys((*effect.widened, *stuck)):
+    for name in (one for one in dict.fromkeys((*effect.widened, *stuck)) if one in keys):
         before, value = usual.unknowns[name], abs(float(fitted.values[keys[name]]))
         bound = max(abs(before.low), abs(before.high))
         if value < bound and name not in stuck:

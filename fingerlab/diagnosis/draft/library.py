@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
-from fingerlab.diagnosis.draft.terms import TORQUE, DraftTerm, Part, Powers
+from fingerlab.diagnosis.draft.terms import TORQUE, DraftTerm, Powers, TermPart
 from fingerlab.diagnosis.settings import (
     DRAFT_DELAYS_S,
     DRAFT_ENDS_DEG,
@@ -127,7 +127,7 @@ def _one(
     size: float = 1.0,
 ) -> DraftTerm:
     """A term of one function; ``number`` stands for the § in its code and words, in ``size`` units."""
-    part = Part(code, words, latex, unit)
+    part = TermPart(code, words, latex, unit)
     return DraftTerm(place, name, (part,), tuple(variables), coordinate, friction, number, 0.0, size)
 
 
@@ -245,10 +245,10 @@ def _of_a_load(
                    doubled, (name,), name)
 
 
-def _waves(times: str, angle: str, of: str, symbol: str) -> tuple[Part, ...]:
+def _waves(times: str, angle: str, of: str, symbol: str) -> tuple[TermPart, ...]:
     """Sine and cosine of a multiple of an angle: a wave of any phase."""
     return tuple(
-        Part(f"np.{wave}({times} * {angle})", f"{title} of {times} times {of}",
+        TermPart(f"np.{wave}({times} * {angle})", f"{title} of {times} times {of}",
              rf"\{wave} {times}{symbol}", PURE)
         for wave, title in (("sin", "sine"), ("cos", "cosine"))
     )
@@ -276,7 +276,7 @@ def _beside_another(axis: _Axis, other: str, symbol: str) -> Iterator[DraftTerm]
               RAD, ("joint angle", "other joint"), "difference of joint angles")
     body, latex = ("q.mcp", r"\theta_1") if axis.place == "mcp" else ("q.mcp + q.pip", r"(\theta_1+\theta_2)")
     weight = tuple(
-        Part(f"np.{wave}({body} - motion.finger.wrist_angle)", f"{title} of the link's angle to the base",
+        TermPart(f"np.{wave}({body} - motion.finger.wrist_angle)", f"{title} of the link's angle to the base",
              rf"\{wave} {latex}", PURE)
         for wave, title in (("cos", "cosine"), ("sin", "sine"))
     )

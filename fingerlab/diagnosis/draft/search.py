@@ -149,7 +149,7 @@ class Remainder:
         return scorer.fit_reweighted(law.fitted.choices, law.fitted).weights
 
     def _scorer(self, offered: Sequence[Effect]) -> Scorer:
-        reduced = self._reduction.closer([*self.effects, *offered], self._watch)
+        reduced = self._reduction.refined([*self.effects, *offered], self._watch)
         held = self._reduction.held
         scorer = Scorer(replace(reduced, constants=self._reduction.constants, held=held))
         return scorer if all(group.repeats for group in scorer.reduced.groups) else scorer.in_floors()

@@ -71,7 +71,7 @@ PAIRED = {"joints": ("mcp", "pip"), "sensors": ("sensor_mcp", "sensor_pip")}
 
 
 @dataclass(frozen=True)
-class Part:
+class TermPart:
     """One column of a term: an expression with its unit, and the same in words and in LaTeX.
 
     ``place`` is where it acts, if the term's parts act in several.
@@ -99,7 +99,7 @@ class DraftTerm:
 
     place: str
     name: str
-    parts: tuple[Part, ...]
+    parts: tuple[TermPart, ...]
     variables: tuple[str, ...]
     coordinate: str
     friction: bool = False
@@ -111,7 +111,7 @@ class DraftTerm:
     def id(self) -> str:
         return f"draft_{self.place}_{self.name}"
 
-    def code(self, part: Part) -> str:
+    def code(self, part: TermPart) -> str:
         """The expression of one of its parts, with its numbers."""
         return part.code.replace("§", f"{self.number:.4g}").replace("¤", f"{self.sharpness:g}")
 

@@ -162,6 +162,11 @@ def tie(index: Mapping[str, int], spread: float) -> Tie | None:
     return Tie(np.array([[index[key] for key in pair] for pair in keys]), TOLERANCES * spread)
 
 
+def is_loss(key: str) -> bool:
+    """Whether an unknown is a constant torque of a joint's own, which should be zero."""
+    return key.partition("@")[0] in LOSSES
+
+
 def spread_of(rig: Rig) -> float:
     """Spread of the ratios' logarithms: the rig file's tolerance ``moment_arm``, or the usual one."""
     return float(rig.tolerance.get("moment_arm", USUAL_SPREAD))

@@ -60,7 +60,7 @@ class Proposal:
     before: Motion | None = None
 
     def to_json(self, separates: list[str], expected: float, scales: Scales = SI) -> dict[str, Any]:
-        """The proposal as in ``cli.md``, in SI, with the two answers that it separates and by how much."""
+        """As in ``diagnose --json``, in SI, with the two answers that it separates and by how much."""
         change = scaled_change(self.change, scales).to_json()
         changed = {name: float(f"{value:.6g}") for name, value in change.items()}
         return {

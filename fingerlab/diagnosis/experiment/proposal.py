@@ -17,7 +17,7 @@ from fingerlab.diagnosis.experiment.predicted_runs import Proposal, menu
 from fingerlab.diagnosis.experiment.separation import (
     FOUND,
     HIDDEN,
-    Line,
+    GainLine,
     Outlook,
     PredictedRun,
     RunKind,
@@ -64,7 +64,7 @@ from fingerlab.sessions.model import Array, Session
 
 @dataclass(frozen=True)
 class NextRun:
-    """The proposed run as in ``cli.md``, and what was predicted of it before any correction."""
+    """The proposed run as in ``diagnose --json``, and what was predicted of it before any correction."""
 
     told: dict[str, Any]
     predicted: Predicted
@@ -254,7 +254,7 @@ class Among:
         """Predicted gains on the other effects, by id."""
         return {self._id(i): float(gains[i]) for i in self.chosen if i != true}
 
-    def _corrected(self, line: Line, gains: Array, away: Array | float = 0.0) -> Array:
+    def _corrected(self, line: GainLine, gains: Array, away: Array | float = 0.0) -> Array:
         """Gains as past ones came out; an effect that was not looked at gains nothing and loses nothing."""
         return np.where(gains != 0.0, line.gain(gains, away), 0.0)
 

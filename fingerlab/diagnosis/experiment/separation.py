@@ -266,7 +266,7 @@ SessionFeatures = tuple[Mapping[str, float], str]
 
 
 @dataclass(frozen=True)
-class Line:
+class GainLine:
     """What came of predicted gains, over ``trials`` of them: asinh(gain) = offset + slope asinh(predicted).
 
     In nats; nearly the gain itself where it is small, and its logarithm where it is large. ``spread`` is the
@@ -299,11 +299,11 @@ class ForetellingTable:
     version: str
     fitted: int
     population: str
-    among: Line
-    bench: Line
-    shows: Line
+    among: GainLine
+    bench: GainLine
+    shows: GainLine
 
-    def line(self, on_bench: bool) -> Line:
+    def line(self, on_bench: bool) -> GainLine:
         """What comes of gains among effects in a run of the motor alone, or of a finger."""
         return self.bench if on_bench else self.among
 

@@ -129,7 +129,7 @@ class Data:
         self._folds: OrderedDict[tuple[int, bytes], Gathered] = OrderedDict()
         self._folds_bytes = 0
         self._joined: dict[tuple[int, FoldNumbers], Sums] = {}
-        self._at_rest: dict[int, tuple[bytes, Array, float]] = {}
+        self._at_rest: dict[int, tuple[bytes, Array]] = {}
 
     @property
     def count(self) -> float:
@@ -272,24 +272,23 @@ class Data:
         return [t for k in (range(len(folds)) if part is None else part) for t in folds[k].totals]
 
     def standing(self, i: int, weights: Array) -> Array:
-        """How the encoder's step changes the weights of group ``i`` where the motor stands, (5, 5)."""
-        return self._standing(i, weights)[0]
+        """How the encoder's step changes the weights of group ``i`` where the motor stands, (5, 5).
 
-    def _standing(self, i: int, weights: Array) -> tuple[Array, float]:
-        """The same, and the log widening that goes with it; kept while the weights stay the same."""
+        It is kept while the weights stay the same.
+        """
         key, known = weights.tobytes(), self._at_rest.get(i)
         if known is None or known[0] != key:
             spread = encoder_spread(self.groups[i].encoder_variance)
-            known = key, change_of_weight(weights, spread), log_widening(weights, spread)
+            known = key, change_of_weight(weights, spread)
             self._at_rest[i] = known
-        return known[1:]
+        return known[1]
 
     def held(self, i: int, model: Model, told: Array, weights: Array) -> tuple[Array, float] | None:
         """What friction that sticks does to group ``i`` where the motor stands; None: nothing.
 
         The change of the weights, (5, 5), beside the encoder's, and by how much the logarithm of the density
-        falls at all those moments together because the residual may lie further out. ``told`` are the
-        features' coefficients, (k,).
+        falls at all those moments together because the residual may lie further out. What a standstill holds
+        is one unknown force, however long it is looked at. ``told`` are the features' coefficients, (k,).
         """
         group = self.groups[i]
         if group.whole.rest is None or not model.sticking:
@@ -302,10 +301,11 @@ class Data:
             share[np.arange(len(mine)), model.rows[mine]] = told[mine]
             own += share.T @ products[mine[:, None], mine] @ share
         own *= HELD_SHARE / max(group.samples, 1.0)
-        usual, wide = self._standing(i, weights)
-        change = change_of_weight(weights, spread + own) - usual
-        widening = log_widening(weights, spread + own) - wide
-        return change, EFFECTIVE_SHARE * group.whole.rest_samples * widening
+        change = change_of_weight(weights, spread + own) - self.standing(i, weights)
+        whole = group.whole
+        values = max(EFFECTIVE_SHARE * whole.rest_samples / max(whole.standstills, 1), 1.0)  # of a standstill
+        wide = log_widening(weights, values * (spread + own)) - log_widening(weights, values * spread)
+        return change, min(whole.standstills, EFFECTIVE_SHARE * whole.rest_samples) * wide
 
 
 def _of_each(pick: Pick, products: Sequence[Array | None]) -> Array | None:

@@ -19,7 +19,7 @@ from fingerlab.diagnosis.equations.features import NO_SHIFT, Layout
 from fingerlab.diagnosis.equations.model import Model
 from fingerlab.diagnosis.equations.parameters import ARMS, LOSSES, TORQUE_ZERO
 from fingerlab.diagnosis.gram.sums import Group, Sums
-from fingerlab.diagnosis.settings import SIMPLER_FIRST, USUAL_LOSS_NM
+from fingerlab.diagnosis.settings import FIRST_ARM_M, FIRST_ARMS_M, SIMPLER_FIRST, USUAL_LOSS_NM
 from fingerlab.effects.base import Row
 from fingerlab.sessions.model import Array
 
@@ -33,7 +33,8 @@ def starting_arms(layout: Layout, groups: Sequence[Group]) -> dict[str, float]:
             continue
         for row, name in zip((Row.MCP, Row.PIP), ARMS, strict=True):
             slope = _tension_over_torque(layout, group.whole, row, group.cable_sign)
-            arms[f"{name}@{routing}"] = float(np.clip(1.0 / slope if slope > 1e-9 else 0.01, 0.003, 0.035))
+            arm = 1.0 / slope if slope > 1e-9 else FIRST_ARM_M
+            arms[f"{name}@{routing}"] = float(np.clip(arm, *FIRST_ARMS_M))
     return arms
 
 
@@ -63,7 +64,7 @@ def _tension_over_torque(layout: Layout, sums: Sums, row: Row, cable_sign: int) 
     return float(np.linalg.lstsq(products[:2, :2], products[:2, 2], rcond=None)[0][0])
 
 
-def surprise(
+def prior_penalty(
     model: Model, values: Array, radius: float, routings: Collection[str], zero_spread: float | None = None
 ) -> float:
     """Minus twice the log density of a model's losses, their unknown scatter integrated out.

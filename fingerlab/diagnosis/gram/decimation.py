@@ -19,6 +19,7 @@ from itertools import count
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
+from scipy.ndimage import binary_dilation
 
 from fingerlab.diagnosis.equations.columns import Asked, Column, all_columns, effect_columns
 from fingerlab.diagnosis.equations.features import SHIFT_SAMPLES, SLOPE, BoolArray, IntArray
@@ -26,6 +27,7 @@ from fingerlab.diagnosis.settings import (
     AT_ONCE,
     AT_REST_DEG,
     INERTIA_SPREADS,
+    LOW_PASS_REACH,
     MOST_BYTES,
     REST_REACH,
     SLACK_NOISES,
@@ -73,10 +75,14 @@ def taut_moments(motion: Motion, inner: slice, drive: Shape) -> BoolArray:
 
 
 def rest_moments(position: Array) -> BoolArray:
-    """Decimated samples around which the motor stands, (n,)."""
+    """Decimated samples around which the motor stands, and those that the low-pass mixes with them, (n,).
+
+    What sticks holds an unknown force to the end of a standstill; the low-pass carries it over the edge.
+    """
     angle = np.pad(decimate(position), REST_REACH, mode="edge")
     windows = sliding_window_view(angle, 2 * REST_REACH + 1)
-    return np.asarray(np.ptp(windows, axis=1) < np.radians(AT_REST_DEG))
+    still = np.ptp(windows, axis=1) < np.radians(AT_REST_DEG)
+    return np.asarray(binary_dilation(still, np.ones(2 * (REST_REACH + LOW_PASS_REACH) + 1)))
 
 
 MARGIN = max(abs(samples) for samples in SHIFT_SAMPLES)

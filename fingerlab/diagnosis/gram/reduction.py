@@ -203,7 +203,7 @@ class Reduction:
             self._asked, self._first = [_key(e) for e in acting], layouts
         return reduced
 
-    def closer(self, effects: Sequence[Effect], watch: Watch = SILENT) -> Reduced:
+    def refined(self, effects: Sequence[Effect], watch: Watch = SILENT) -> Reduced:
         """The same for few effects at shapes between the grid's, whose columns are formed anew.
 
         What was asked before is kept: another way to the same effects asks it again.

@@ -196,7 +196,8 @@ class Sums:
     """Products of signals over some samples.
 
     ``products`` (signals, signals) counts all samples, ``loose`` those where the cable may be slack (None:
-    there are none), ``rest`` those where the motor stands and the cable is taut.
+    there are none), ``rest`` those where the motor stands and the cable is taut: ``rest_samples`` of them, in
+    so many ``standstills``.
     """
 
     products: Array
@@ -205,6 +206,7 @@ class Sums:
     slack_samples: int = 0
     rest: Array | None = None
     rest_samples: int = 0
+    standstills: int = 0
     runs: list[str] = field(default_factory=list)  # names of the runs that hold the samples
     totals: list[RunTotals] = field(default_factory=list)  # of every one of them
 
@@ -224,6 +226,7 @@ class Sums:
                 self.rest = np.zeros_like(self.products)
             add_among(self.rest, other.rest, live)
         self.rest_samples += other.rest_samples
+        self.standstills += other.standstills
         self.taut_samples += other.taut_samples
         self.slack_samples += other.slack_samples
         self.runs += other.runs
@@ -520,7 +523,7 @@ class Reduced:
 
     @property
     def floor_from(self) -> FloorFrom:
-        """What the floor rests on, as ``cli.md`` has it; that of runs holds what their cycles tell, too."""
+        """What the floor rests on, as in ``diagnose --json``; of runs it holds what cycles tell, too."""
         if not all(group.repeats and not group.bounded for group in self.groups):
             return "state law"
         return "runs" if any(group.repeated_cycles for group in self.groups) else "cycles"

@@ -272,7 +272,7 @@ class CalibratedAnswer:
     cannot_be_ruled_out: tuple[str, ...]
 
     def to_json(self) -> dict[str, Any]:
-        """The object of ``cli.md``, "calibration"."""
+        """The object "calibration" of ``diagnose --json``."""
         return {name: list(v) if isinstance(v, tuple) else v for name, v in asdict(self).items()}
 
 

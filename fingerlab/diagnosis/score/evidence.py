@@ -16,6 +16,7 @@ import numpy as np
 from fingerlab.diagnosis.score.calibration import Odds
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.score.selection import (
+    along_the_axis,
     charge,
     contact_charge,
     least_explained,
@@ -318,6 +319,8 @@ def needed_fall(evidence: Evidence, fitted: FittedModel) -> float:
 
 
 def _reaches_contact_alone(fitted: FittedModel) -> bool:
+    if along_the_axis(fitted):
+        return False
     falls = fitted.sensitivity.falls
     return bool(len(falls)) and float(falls[fitted.in_contact].sum()) > CONTACT_SHARE * float(falls.sum())
 

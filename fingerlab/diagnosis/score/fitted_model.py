@@ -212,10 +212,15 @@ def condition_weights(counts: Array) -> Array:
 
 
 def own_keys(fitted: FittedModel, effect: Effect) -> dict[str, str]:
-    """Name of each of the effect's parameters -> key of the unknown, as far as the model has it."""
+    """Name of each of the effect's parameters -> key of the unknown, as far as its law at hand uses it."""
     if effect.special == "delay":
         return {"delay": "delay"}
     keys = {name: f"{effect.id}.{name}" for name in effect.gains} | {name: name for name in effect.relaxes}
+    shape = next((c.shape for c in fitted.choices if c.effect.id == effect.id), None)
+    if shape is not None and not effect.special:
+        layout = fitted.model.layout
+        used = {layout.features[i].parameter for i in layout.indices(effect.id, shape)}
+        keys = {name: key for name, key in keys.items() if name in effect.relaxes or name in used}
     return {name: key for name, key in keys.items() if key in fitted.model.index}
 
 

@@ -27,7 +27,7 @@ from fingerlab.diagnosis.fit.noise import (
     noise_weights,
     products_of_rows,
 )
-from fingerlab.diagnosis.fit.priors import starting_arms, surprise
+from fingerlab.diagnosis.fit.priors import prior_penalty, starting_arms
 from fingerlab.diagnosis.fit.solver import Fitter, LeftOut
 from fingerlab.diagnosis.gram.sums import Offsets, Reduced, RunConstants
 from fingerlab.diagnosis.score.fitted_model import FittedModel, FoldErrors, paired_misfit, sensitivity
@@ -320,7 +320,7 @@ class Scorer:
 
     def _prior_penalty(self, fitted: FittedModel, zero_spread: float | None = None) -> float:
         routings = {g.key[0] for g in self.reduced.groups if not g.in_contact}
-        return surprise(fitted.model, fitted.fit.values, self.reduced.radius, routings, zero_spread)
+        return prior_penalty(fitted.model, fitted.fit.values, self.reduced.radius, routings, zero_spread)
 
     def _fitter(self, fitted: FittedModel) -> Fitter:
         """What scores the model; those under the last weights are kept, for an answer asks them again."""

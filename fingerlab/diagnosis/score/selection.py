@@ -38,6 +38,7 @@ from fingerlab.diagnosis.settings import (
     USUAL_LEFT,
     USUAL_POINTS,
 )
+from fingerlab.effects.base import Row
 from fingerlab.sessions.model import Array
 
 
@@ -106,11 +107,25 @@ def charge(base: FittedModel, fitted: FittedModel) -> float:
 
 
 def contact_charge(base: FittedModel, fitted: FittedModel) -> float:
-    """By how much more the squared score must fall for an effect that explains runs in contact alone."""
+    """By how much more the squared score must fall for an effect that explains runs in contact alone.
+
+    Not for one that is there in contact only, and neither moves the tip nor acts along the load cell's face:
+    how a tip rubs and settles is a force along the face, and cannot pass for another span of the load cell.
+    """
+    if along_the_axis(fitted):
+        return 0.0
     if fitted.last_effect.phases == ("contact",):
         return CONTACT_CHARGE
     fall, there = base.misfit - fitted.misfit, base.misfit_in_contact - fitted.misfit_in_contact
     return CONTACT_CHARGE if fall > 0 and there > CONTACT_SHARE * fall else 0.0
+
+
+def along_the_axis(fitted: FittedModel) -> bool:
+    """Whether the last effect is one of contact alone with no say in where the tip stands or how it rubs."""
+    effect = fitted.last_effect
+    if effect.phases != ("contact",) or effect.relaxes:
+        return False
+    return not any(f.owner == effect.id and f.row == Row.TIP for f in fitted.model.layout.features)
 
 
 def much_left(fitted: FittedModel, much: float = MUCH) -> bool:

@@ -39,7 +39,6 @@ from fingerlab.diagnosis.settings import (
     USUAL_LEFT,
 )
 from fingerlab.effects.base import Effect, Shape, of_shape
-from fingerlab.sessions.model import Array
 
 
 def fit_effects(scorer: Scorer, effects: Sequence[Effect]) -> FittedModel:
@@ -103,7 +102,7 @@ def refine_grid(
     for _ in range(ROUNDS):
         finer = [_finer(c) for c in choices]
         places = [_place(e.shapes, c.effect.shapes[c.shape]) for e, c in zip(finer, choices, strict=True)]
-        scorer = Scorer(reduction.closer(finer, watch))
+        scorer = Scorer(reduction.refined(finer, watch))
         of_shapes = fitted = reduction.remember(finer, places, partial(_best_of_finer, scorer, finer, places))
         for _ in range(FOLLOWING_ROUNDS):
             choices = _following(fitted)
@@ -111,7 +110,7 @@ def refine_grid(
             if not any(_has_moved(now, then, fitted) for now, then in each):
                 break
             given = [replace(c.effect, shapes=(c.effect.shapes[c.shape],)) for c in choices]
-            scorer = Scorer(reduction.closer(given, watch))
+            scorer = Scorer(reduction.refined(given, watch))
             fitted = scorer.fit([Choice(e) for e in given], fitted, FULL_ITERATIONS)
         if fitted is of_shapes:
             break
@@ -134,7 +133,7 @@ def refine_last(
         Cancelled: the user asked for it.
     """
     *others, last = [*at_found_shapes(fitted)[:-1], _finer(fitted.choices[-1])]
-    scorer = Scorer(reduction.closer([*others, last], watch))
+    scorer = Scorer(reduction.refined([*others, last], watch))
     given = [Choice(one) for one in others]
     tried = [
         scorer.fit_same_law([*given, Choice(last, i)], fitted, LOOKING_ITERATIONS)
@@ -272,7 +271,7 @@ def _plainer_at(
     end, first = path[-1], len(path[0].choices)
     given = at_found_shapes(end)
     effects = [*given[:place], effect, *given[place + 1 :]]
-    by = Scorer(reduction.closer(effects, watch))
+    by = Scorer(reduction.refined(effects, watch))
     each = [
         by.fit([Choice(e, i if e is effect else 0) for e in effects], end, LOOKING_ITERATIONS)
         for i in range(len(effect.shapes))
@@ -323,12 +322,12 @@ def break_ties(
             refined.append((scorer, alone))
             weights = alone.weights
     # All are scored in the floors of the likeliest.
-    deviances = np.array([by.deviance(fitted) for by, fitted in refined])
-    under = refined[int(np.argmin(deviances))][1].weights
+    floors = min((by.deviance(fitted), k) for k, (by, fitted) in enumerate(refined))[1]
+    under = refined[floors][1].weights
     scored = [
         by.score_held_out(by.fit(fitted.choices, fitted, FULL_ITERATIONS, under)) for by, fitted in refined
     ]
-    return untied(evidence, tied, scored, deviances)
+    return untied(evidence, tied, scored)
 
 
 def worth_untying(evidence: Evidence) -> list[int]:
@@ -342,16 +341,10 @@ def worth_untying(evidence: Evidence) -> list[int]:
     return [] if alone or not any(can_refine(evidence.candidates[i].choices) for i in tied) else tied
 
 
-def untied(
-    evidence: Evidence, tied: Sequence[int], refined: Sequence[FittedModel], deviances: Array | None = None
-) -> Evidence:
-    """The evidence with the odds of the ``tied`` candidates by what they leave at their refined shapes.
-
-    Args:
-        deviances: of the refined models under their own weights, (tied,).
-    """
+def untied(evidence: Evidence, tied: Sequence[int], refined: Sequence[FittedModel]) -> Evidence:
+    """The evidence with the odds of the ``tied`` candidates by what they leave at their refined shapes."""
     log_odds = evidence.log_odds.copy()
-    log_odds[tied] = log_odds_among(evidence.base, refined, deviances)
+    log_odds[tied] = log_odds_among(evidence.base, refined)
     found = float(evidence.probabilities.sum())
     return replace(evidence, log_odds=log_odds, probabilities=found * shares_of(log_odds))
 

@@ -30,7 +30,6 @@ from fingerlab.diagnosis.settings import (
     FULL_ITERATIONS,
     HELD_OUT_TRIALS,
     HOPEFUL_SHARE,
-    LEAST_DIFFERENCE,
     MOST_WIDENED,
     SAME_COST_SHARE,
     SCREEN_ITERATIONS,
@@ -240,15 +239,14 @@ def judge_all(
         candidates = front + candidates[HELD_OUT_TRIALS:]
         if not front or front[0].fit.cost >= base.fit.cost or _led(front, leaders):
             break
-        leader = _settled(scorer, _leaving_as_little(scorer, front), settled)
-        if leader.last_effect.id in leaders:
-            break
-        if scorer.deviance(leader) >= likeliest:
+        leader = _settled(scorer, front[:1], settled)
+        if misshapen and scorer.deviance(leader) >= likeliest:
             contested, leader = True, _settled(scorer, front, settled)
             if scorer.deviance(leader) >= likeliest:
                 break
         leaders.add(leader.last_effect.id)
-        likeliest, weights = scorer.deviance(leader), leader.weights
+        likeliest = scorer.deviance(leader) if contested else likeliest
+        weights = leader.weights
         base = scorer.fit(base.choices, base, FULL_ITERATIONS, weights)
         # Under the new weights another effect may come to the front.
         again = (
@@ -311,16 +309,6 @@ def _at_its_best(scorer: Scorer, fitted: FittedModel, every: bool) -> FittedMode
     return _readjusted(scorer, climbed) if every else climbed
 
 
-def _leaving_as_little(scorer: Scorer, front: Sequence[FittedModel]) -> list[FittedModel]:
-    """The best of the front and those that leave as little as it does.
-
-    Under the weights of a model that calls much of what it leaves noise (a tip that rubs) models leave the
-    same of which one, seen by itself, needs no such noise.
-    """
-    count = EFFECTIVE_SHARE * sum(g.equations * g.samples for g in scorer.reduced.groups)
-    return [one for one in front if one.fit.cost - front[0].fit.cost < LEAST_DIFFERENCE * count]
-
-
 def _led(front: Sequence[FittedModel], leaders: Collection[str]) -> bool:
     """Whether the best of the front has set the weights, or one that these data hardly tell from it."""
     best = front[0].fit.cost
@@ -361,3 +349,10 @@ def rescore(scorer: Scorer, evidence: Evidence, weights: Weights) -> Evidence:
             scorer.score_held_out(new) if old.held_out else _as_held_out(base, scorer.score_in_sample(new))
         )
     return replace(evidence, base=base, candidates=tuple(scored))
+
+
+def judged_under(scorer: Scorer, evidence: Evidence, weights: Weights) -> Evidence:
+    """Every candidate of the evidence judged again under these weights, and by likelihood under its own."""
+    seen = rescore(scorer, evidence, weights)
+    candidates = sorted(seen.candidates, key=lambda one: one.misfit)
+    return judge(seen.base, candidates, _own_deviances(scorer, candidates, {}))

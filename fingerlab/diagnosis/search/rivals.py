@@ -107,7 +107,9 @@ def find_rivals(
     for place, choice in enumerate(choices):
         watch.tell(place / len(choices), f"trying others in place of {choice.effect.title.lower()}")
         for one in _in_place_of(reduction, given, end, path_scorer, place, shapes, watch):
-            found[one.removed, one.added] = one
+            known = found.get((one.removed, one.added))  # one model may be found at two shapes
+            if known is None or known.log_odds < one.log_odds:
+                found[one.removed, one.added] = one
     return sorted(found.values(), key=lambda one: -one.log_odds)
 
 

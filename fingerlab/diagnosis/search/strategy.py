@@ -32,7 +32,7 @@ from fingerlab.diagnosis.search.grid_refinement import (
     refine_path,
     with_plainer_end,
 )
-from fingerlab.diagnosis.search.next_effect import judge_all, rescore
+from fingerlab.diagnosis.search.next_effect import judge_all, judged_under, rescore
 from fingerlab.diagnosis.search.path import forward_selection
 from fingerlab.diagnosis.search.rivals import Given, Rival, extended, find_rivals, odds_of_rivals
 from fingerlab.diagnosis.search.several import path_of_many
@@ -153,12 +153,17 @@ def search_effects(question: Question, scorer: Scorer) -> Found:
         refined, path = many
         weights = path[-1].weights
     else:
-        evidence, weights = _judged_beside(scorer, untied, path, effects)
-        if len(path) == 1 and evidence.verdict == "missing_effect":
-            evidence = distrusted(evidence)
+        on_grids, weights = path, path[-1].weights
         refined, path = _refined(question, path, first.refined)
+        other = None if refined is None else _restarted(question, untied.best, refined, path)
+        if other is not None:
+            refined, path = other
+            evidence = untied
+        else:
+            evidence, weights = _judged_beside(scorer, untied, on_grids, effects)
+            if len(path) == 1 and evidence.verdict == "missing_effect":
+                evidence = distrusted(evidence)
         if refined is not None:
-            refined, path = _restarted(question, evidence.best, refined, path)
             weights = path[-1].weights
     if refined is not None and len(path) > 2:
         watch = question.stages.part(0.97, 0.98)
@@ -290,13 +295,15 @@ def asks_for_more(refined: FittedModel) -> bool:
 def _judged_beside(
     scorer: Scorer, evidence: Evidence, path: Sequence[FittedModel], effects: Sequence[Effect]
 ) -> tuple[Evidence, Weights]:
-    """The evidence; where its best effect stood for two others, by what effects do beside the later ones.
+    """The evidence; where the path gave up its best effect, by what effects do under what the path came to.
 
-    With the weights of the models that were compared last.
+    Where it stood for two others, beside the later ones. With the weights of the models compared last.
     """
     last = path[-1]
-    if len(path) < 3 or evidence.best.last_effect.id in last.effect_ids:
+    if len(path) < 2 or evidence.best.last_effect.id in last.effect_ids:
         return evidence, last.weights
+    if len(path) == 2:
+        return beside_others(evidence, judged_under(scorer, evidence, last.weights)), last.weights
     keep = len(path[0].choices)
     others = [*last.choices[:keep], *last.choices[keep + 1 :]]
     base = scorer.score_held_out(scorer.fit(others, last, FULL_ITERATIONS))
@@ -328,25 +335,23 @@ def _refined(
 
 def _restarted(
     question: Question, best: FittedModel, scorer: Scorer, path: list[FittedModel]
-) -> tuple[Scorer, list[FittedModel]]:
-    """The path, or one that is likelier and begins with the ``best`` effect at its refined shape."""
+) -> tuple[Scorer, list[FittedModel]] | None:
+    """A likelier path that begins with the ``best`` effect at its refined shape; None: there is none."""
     if not worth_restarting(path, best):
-        return scorer, path
+        return None
     watch = question.stages.part(0.97, 0.99)
-    alone = refine_path(question.reduction, [path[0], best], watch)[1]
-    other = extend_path(question.reduction, question.catalogue, alone, watch)
-    if other is None or other[0].deviance(other[1][-1]) >= scorer.deviance(path[-1]):
-        return scorer, path
-    return other
+    by, alone = refine_path(question.reduction, [path[0], best], watch)
+    other = extend_path(question.reduction, question.catalogue, alone, watch) or (by, alone)
+    return other if other[0].deviance(other[1][-1]) < scorer.deviance(path[-1]) else None
 
 
 def worth_restarting(path: Sequence[FittedModel], best: FittedModel) -> bool:
     """Whether a path of several effects may lead further if it begins with the ``best`` one refined.
 
-    Beside an effect that stands beside its best shape, a later one may have mended the shape.
+    Beside an effect that stands beside its best shape, a later one may have mended the shape, or taken its
+    place.
     """
-    end = path[-1]
-    return len(path) > 2 and best.last_effect.id in end.effect_ids and much_left(end, NEARLY_RIGHT)
+    return len(path) > 2 and can_refine([best.choices[-1]]) and much_left(path[-1], NEARLY_RIGHT)
 
 
 def _with_no_turn(scorer: Scorer, base: FittedModel, fitted: FittedModel) -> FittedModel:

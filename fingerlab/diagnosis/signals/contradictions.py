@@ -16,22 +16,19 @@ from fingerlab.core.errors import UserError
 from fingerlab.diagnosis.settings import (
     ANOTHER_UNIT,
     DEAD_SHARE,
+    FIRST_LOOK_S,
     LARGEST_ARM_M,
     LEAST_ARM_M,
     MOVED_DEG,
     OFF_CURRENT,
     OPPOSITE,
+    PULLS_SHARE,
+    SWING_SAMPLES,
 )
 from fingerlab.physics.motion import Motion
 from fingerlab.rig.file import Rig
 from fingerlab.sessions.model import Array, Run
 
-LOOK_S = 4.0
-"""So much of a run is looked at beside its command and its current, s."""
-LOOKED_AT = 2000
-"""So many samples tell how far a channel swings."""
-PULLS_SHARE = 0.2
-"""Of its mean a tension swings by more, where a load cell has to show it; assumed: less may rub away."""
 NOT_KNOWN = float("nan")
 
 
@@ -100,7 +97,7 @@ def _beside(run: Run, rig: Rig) -> tuple[float, float, float]:
     """Torque over current, travel over command, and their agreement, from the samples as they are."""
     names = [n for n in ("motor_current", "motor_torque", "motor_position", "motor_command") if run.has(n)]
     first = run.length // 10  # the ramp from rest
-    samples = run.load(names, first, first + int(LOOK_S * run.sample_rate_hz))
+    samples = run.load(names, first, first + int(FIRST_LOOK_S * run.sample_rate_hz))
     gain = rig.motor.torque_constant * rig.motor.gear_ratio
     current = command = agrees = NOT_KNOWN
     if "motor_current" in samples and gain > 0:
@@ -118,7 +115,7 @@ def _beside(run: Run, rig: Rig) -> tuple[float, float, float]:
 
 def _swing(values: Array) -> float:
     """From nearly the lowest value to nearly the highest, which no spike moves."""
-    some = np.sort(values[:: max(len(values) // LOOKED_AT, 1)])
+    some = np.sort(values[:: max(len(values) // SWING_SAMPLES, 1)])
     edge = len(some) // 50
     return float(some[-1 - edge] - some[edge]) if len(some) else 0.0
 

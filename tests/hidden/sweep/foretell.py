@@ -24,7 +24,7 @@ from scipy.optimize import minimize
 from scipy.stats import norm
 from threadpoolctl import threadpool_limits
 
-from fingerlab.diagnosis.experiment.separation import ForetellingTable, Line
+from fingerlab.diagnosis.experiment.separation import ForetellingTable, GainLine
 from fingerlab.diagnosis.settings import DECIDING_LOG_ODDS
 from fingerlab.sessions.model import Array
 from fingerlab.twin.effects import EFFECTS
@@ -91,7 +91,7 @@ def _logs(odds: Entry) -> dict[str, float]:
     return {name: math.log(max(value, LEAST_ODDS)) for name, value in told.items()}
 
 
-def fit_line(found: Sequence[tuple[float, float]]) -> Line:
+def fit_line(found: Sequence[tuple[float, float]]) -> GainLine:
     """The line through predicted and achieved gains with least absolute errors, and the scatter about it.
 
     With a weak pull to "as predicted": ten trials' worth.
@@ -104,10 +104,10 @@ def fit_line(found: Sequence[tuple[float, float]]) -> Line:
 
     offset, slope = minimize(cost, np.array([0.0, 1.0]), method="Nelder-Mead").x
     away = np.abs(y - offset - slope * x)
-    return Line(float(offset), float(max(slope, 0.1)), float(np.median(away) / 0.6745), len(x))
+    return GainLine(float(offset), float(max(slope, 0.1)), float(np.median(away) / 0.6745), len(x))
 
 
-def fit_shows(found: Sequence[tuple[float, float]]) -> Line:
+def fit_shows(found: Sequence[tuple[float, float]]) -> GainLine:
     """When an effect that could not be seen is: offset and scatter under which what came is likeliest.
 
     With weak knowledge: an offset of 0 to one standard deviation, a scatter of 0.7 within a factor of two.
@@ -121,7 +121,7 @@ def fit_shows(found: Sequence[tuple[float, float]]) -> Line:
         return float(0.5 * prior - norm.logcdf(np.where(seen, z, -z)).sum())
 
     offset, spread = minimize(cost, np.array([0.0, math.log(0.7)]), method="Nelder-Mead").x
-    return Line(float(offset), 1.0, math.exp(float(spread)), len(x))
+    return GainLine(float(offset), 1.0, math.exp(float(spread)), len(x))
 
 
 def fit_table(entries: Sequence[Entry], version: str) -> ForetellingTable:

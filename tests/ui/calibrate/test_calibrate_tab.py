@@ -437,6 +437,7 @@ def test_a_calibration_is_rehearsed_on_the_simulated_rig_with_weights_of_one_s_o
     rig.click("start-load-cell")
     wizard = tab.wizard
     assert wizard is not None
+    assert not child(rig.window, QLabel, "message").isVisible()
     assert wizard.plan.marks == (0.0, 0.3, 0.6, 1.0, 0.6, 0.3, 0.0)
     seen = ""
     for _ in range(7):

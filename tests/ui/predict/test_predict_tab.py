@@ -22,7 +22,7 @@ from fingerlab.sessions import SessionWriter, open_session
 from fingerlab.ui.app.tab_registry import TabEntry
 from fingerlab.ui.app.window import MainWindow
 from fingerlab.ui.predict.predict_tab import PredictTab
-from fingerlab.ui.predict.wanted_force import outcome_words
+from fingerlab.ui.predict.wanted_force import WantedPanel, outcome_words
 
 from ..hands import PATIENCE, child, click, drop
 from ..looking import look
@@ -358,3 +358,18 @@ def test_the_pages_are_whole(make_window, predicted: MainWindow, wanting: MainWi
         look(wanting)
     click(wanting, "view_measured")
     look(predicted)
+
+
+def test_the_wanted_force_begins_within_what_was_recorded(qtbot: QtBot) -> None:
+    """Until somebody asks for another one."""
+    panel = WantedPanel()
+    qtbot.addWidget(panel)
+    panel.wanted.start_at(0.52, 0.14)
+    mean, amplitude = (child(panel, QDoubleSpinBox, f"wanted_{name}_n") for name in ("mean", "amplitude"))
+    assert (mean.value(), amplitude.value()) == (0.52, 0.14)
+    mean.setFocus()
+    mean.selectAll()
+    QTest.keyClicks(mean, "0.6")
+    QTest.keyClick(mean, Qt.Key.Key_Return)
+    panel.wanted.start_at(0.31, 0.07)
+    assert (mean.value(), amplitude.value()) == (0.6, 0.07)

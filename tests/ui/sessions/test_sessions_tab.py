@@ -179,7 +179,7 @@ def test_a_wide_window_gives_the_verdict_room(browsing: Opened, qtbot: QtBot) ->
     window, tab = browsing
     narrow = tab.page.table.columnWidth(VERDICT)
     window.resize(1900, 760)
-    qtbot.waitUntil(lambda: tab.page.table.columnWidth(VERDICT) > 1.5 * narrow)
+    qtbot.waitUntil(lambda: tab.page.table.columnWidth(VERDICT) > 1.3 * narrow)
     window.resize(1280, 760)
     qtbot.waitUntil(lambda: tab.page.table.columnWidth(VERDICT) == narrow)
 

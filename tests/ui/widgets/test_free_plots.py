@@ -8,9 +8,9 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from PySide6.QtCore import Qt
+from PySide6.QtCore import QPoint, Qt
 from PySide6.QtTest import QTest
-from PySide6.QtWidgets import QCheckBox, QComboBox, QToolButton, QWidget
+from PySide6.QtWidgets import QCheckBox, QComboBox, QSplitter, QToolButton, QWidget
 from pytestqt.qtbot import QtBot
 from scipy.signal import welch
 
@@ -121,6 +121,13 @@ def test_a_live_loop_and_a_spectrum_follow_the_bench_and_are_kept(
     tick(rig.window, "angles")
     assert plots.panes["angles"].isHidden()
     assert not plots.panes["force"].isHidden()
+    rig.window.resize(1280, 760)
+    both = child(rig.window, QSplitter, "acquireBeside")
+    QTest.mousePress(both.handle(1), LEFT)
+    QTest.mouseMove(both.handle(1), QPoint(-150, 10))
+    QTest.mouseRelease(both.handle(1), LEFT)
+    wider = both.sizes()
+    assert wider[1] > free.plots[0].minimumWidth() + 100
     again = Rig(make_window(tab="acquire", tabs=tabs_with(opener(tmp_path / "again"))), qtbot)  # type: ignore[arg-type]
     kept = again.tab.plots
     assert [plot.spec for plot in kept.free.plots] == [
@@ -129,8 +136,12 @@ def test_a_live_loop_and_a_spectrum_follow_the_bench_and_are_kept(
     ]
     assert kept.panes["angles"].isHidden()
     assert not button_of(again.window).boxes["angles"].isChecked()
+    assert child(again.window, QSplitter, "acquireBeside").sizes() == pytest.approx(wider, abs=16)
     QTest.mouseClick(child(again.window, QToolButton, "freeGone1"), LEFT)
     assert [plot.spec[1] for plot in kept.free.plots] == ["frequency"]
+    for name in ("displacement", "torque", "force"):
+        tick(again.window, name)
+    assert kept.none_seen.isVisible()
 
 
 def lissajous(file: h5py.File) -> None:
