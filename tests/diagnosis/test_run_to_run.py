@@ -35,7 +35,7 @@ def test_the_share_that_a_run_has_of_its_own_minimises_misfit_and_cost(off: floa
 
 @pytest.mark.parametrize("off", [(0.01, 0.0), (0.2, -0.05), (1.0, 1.5)])
 def test_what_a_run_has_of_its_own_goes_no_further_than_runs_differ_by(off: tuple[float, float]) -> None:
-    """What two parts leave, its slope and curvature: the least within three standard deviations, by L-BFGS-B."""
+    """What two parts leave, its slope and curvature: the least within their bounds by L-BFGS-B."""
     bend = np.array([[1e4, 4e3], [4e3, 5e3]])
     parts = 0.05 * np.diag(off)
     across = (bend @ parts)[None]
@@ -55,7 +55,7 @@ def test_what_a_run_has_of_its_own_goes_no_further_than_runs_differ_by(off: tupl
     beyond = own.beyond(told)
     assert (beyond is not None) == (max(off) > 0.1)
     if beyond is not None:
-        slope, curvature = slope + 2.0 * beyond.pull[0], curvature + beyond.bend.matrix[0]
+        slope, curvature = slope + 2.0 * beyond.slope[0], curvature + beyond.along(np.eye(2)).matrix[0]
     step = 1e-2 * told + 1e-4
     change = left(told + step) - left(told - step)
     assert change == pytest.approx(2.0 * slope @ step, rel=1e-3)

@@ -1,8 +1,8 @@
 """What every run has of its own: how its friction differs from the others', how its tip was set down.
 
 It is integrated out of a fit as a Gaussian, for it tells nothing of the other runs, but goes no further than
-runs differ by: a friction that does follows something that the model lacks. Beyond its bound a run's part stays
-where the bound is, and what it would explain pulls at the model; the misfit and its slope change smoothly there.
+runs differ by: a friction that does follows something that the model lacks. Beyond its bound a run's part
+stays where the bound is, and what it would explain pulls at the model; misfit and slope are smooth there.
 """
 
 from __future__ import annotations
@@ -14,24 +14,34 @@ import numpy as np
 
 from fingerlab.diagnosis.equations.features import IntArray
 from fingerlab.diagnosis.fit.data import Weighted
-from fingerlab.diagnosis.settings import SWEEPS
+from fingerlab.diagnosis.settings import PIVOTING_ROUNDS, SWEEPS
 from fingerlab.sessions.model import Array
 
 
 @dataclass(frozen=True)
 class Beyond:
-    """What the bounds of some runs' parts add to what these leave.
+    """What the bounds of some runs' parts add to what these leave, as half a slope and half a curvature.
 
     Attributes:
         folds: that hold these runs, (n,).
-        misfit: half of its slope is ``pull``, (n, k), by the features' coefficients.
-        curvature, matrix: of it, with noise and without, (n, k, k).
+        slope: by the features' coefficients, (n, k).
+        curved, pulled: products of the features with the parts, (n, k, parts), with noise and without.
+        give: what the parts would yield more without bounds, (n, parts, parts).
     """
 
     folds: IntArray
-    misfit: float
-    pull: Array
-    bend: Weighted
+    slope: Array
+    curved: Array
+    pulled: Array
+    give: Array
+
+    def along(self, jacobian: Array) -> Weighted:
+        """Curvature and matrix of each fold along some derivatives of the coefficients, (k, p): (n, p, p)."""
+        return Weighted(*(self._along(across, jacobian) for across in (self.curved, self.pulled)))
+
+    def _along(self, across: Array, jacobian: Array) -> Array:
+        mine = across.transpose(0, 2, 1) @ jacobian
+        return np.asarray(mine.transpose(0, 2, 1) @ (self.give @ mine))
 
 
 @dataclass(frozen=True)
@@ -66,14 +76,18 @@ class Own:
 
     @cached_property
     def _wanted(self) -> Array:
-        """What each part of every run would be without bounds, by the features' coefficients, (folds * parts, k)."""
+        """What every part would be without bounds, by the features' coefficients, (folds * parts, k)."""
         size = self.pulled.shape[1]
         return np.asarray(self.inverse @ self.pulled.transpose(0, 2, 1)).reshape(-1, size)
 
     @cached_property
     def taken_up(self) -> Weighted:
         """What they take up of curvature and matrix of every fold without bounds, (folds, k, k)."""
-        return self._across(self.inverse)
+        curved, pulled = self.curved, self.pulled
+        return Weighted(
+            curved @ self.inverse @ curved.transpose(0, 2, 1),
+            pulled @ self.inverse @ pulled.transpose(0, 2, 1),
+        )
 
     @cached_property
     def taken_up_together(self) -> Weighted:
@@ -84,12 +98,6 @@ class Own:
         size = across.shape[1]
         mine, theirs = (one.transpose(1, 0, 2).reshape(size, -1) for one in (across @ self.inverse, across))
         return np.asarray(mine @ theirs.T)
-
-    def _across(self, inverse: Array, among: IntArray | slice = slice(None)) -> Weighted:
-        curved, pulled = self.curved[among], self.pulled[among]
-        return Weighted(
-            curved @ inverse @ curved.transpose(0, 2, 1), pulled @ inverse @ pulled.transpose(0, 2, 1)
-        )
 
     def explained(self, told: Array) -> float:
         """What of the misfit of all its runs they take up at these coefficients of the features, (k,)."""
@@ -103,28 +111,23 @@ class Own:
         if found is None:
             return 0.0
         far, short, _ = found
-        return float(np.einsum("fi,fij,fj->", short, self.bowl[far], short))
+        return float(np.sum(short * _times(self.bowl[far], short)))
 
     def beyond(self, told: Array) -> Beyond | None:
-        """The same with its slopes and curvature; None where no part would go further than its bound."""
+        """The same as slope and curvature; None where no part would go further than its bound."""
         found = self._stand(told)
         if found is None:
             return None
         far, short, free = found
         both = free[:, :, None] & free[:, None, :]
-        size = short.shape[1]
-        moving = np.where(both, np.linalg.inv(np.where(both, self.bowl[far], np.eye(size))), 0.0)
-        pull = np.einsum("fki,fi->fk", self.pulled[far], short)
-        return Beyond(
-            self.folds[far],
-            float(np.einsum("fi,fij,fj->", short, self.bowl[far], short)),
-            pull,
-            self._across(self.inverse[far] - moving, far),
-        )
+        moving = np.where(both, np.linalg.inv(np.where(both, self.bowl[far], np.eye(short.shape[1]))), 0.0)
+        curved, pulled = self.curved[far], self.pulled[far]
+        slope = (pulled @ short[:, :, None])[:, :, 0]
+        return Beyond(self.folds[far], slope, curved, pulled, self.inverse[far] - moving)
 
     def _stand(self, told: Array) -> tuple[IntArray, Array, Array] | None:
-        """Of the runs with a part at its bound: their places, by how much each part falls short of what it would
-        be without bounds, and which parts are at none, (n, parts) each."""
+        """Of the runs with a part at its bound, their places, (n,); how far each part falls short of what it
+        would be without bounds, and which parts are at none, (n, parts) each."""
         wanted = (self._wanted @ told).reshape(len(self.folds), -1)
         far = np.flatnonzero(np.abs(wanted).max(axis=1) > self.bound)
         if not len(far):
@@ -136,13 +139,36 @@ class Own:
 def within_bounds(bowl: Array, lowest: Array, bound: float) -> Array:
     """Where some bowls are lowest within ``bound`` of zero on each axis, (n, parts).
 
-    Gauss and Seidel's way, projected: one axis after the other, in turn.
+    All wrong bounds are exchanged at once (block principal pivoting, Judice and Pires 1994); what does not
+    settle is led down one axis after the other, in turn.
 
     Args:
         bowl: their curvatures, (n, parts, parts). lowest: where they are lowest of all, (n, parts).
     """
+    sides = np.sign(lowest) * (np.abs(lowest) > bound)
+    found, open_ = np.clip(lowest, -bound, bound), np.arange(len(lowest))
+    for _ in range(PIVOTING_ROUNDS):
+        mine, held = bowl[open_], sides[open_] != 0.0
+        at = bound * sides[open_]
+        free = ~held[:, :, None] & ~held[:, None, :]
+        pull = np.where(held, 0.0, _times(mine, lowest[open_] - at))
+        at += np.linalg.solve(np.where(free, mine, np.eye(mine.shape[1])), pull[:, :, None])[:, :, 0]
+        outward = _times(mine, lowest[open_] - at) * sides[open_] >= 0.0
+        now = np.where(held, np.where(outward, sides[open_], 0.0), np.sign(at) * (np.abs(at) > bound))
+        settled = np.all(now == sides[open_], axis=1)
+        found[open_[settled]] = at[settled]
+        sides[open_] = now
+        open_ = open_[~settled]
+        if not len(open_):
+            return found
+    found[open_] = _axis_by_axis(bowl[open_], lowest[open_], bound)
+    return found
+
+
+def _axis_by_axis(bowl: Array, lowest: Array, bound: float) -> Array:
+    """The same by Gauss and Seidel's way, projected."""
     found = np.clip(lowest, -bound, bound)
-    pull = np.einsum("nij,nj->ni", bowl, lowest)
+    pull = _times(bowl, lowest)
     for _ in range(SWEEPS):
         before = found.copy()
         for k in range(found.shape[1]):
@@ -151,3 +177,8 @@ def within_bounds(bowl: Array, lowest: Array, bound: float) -> Array:
         if np.abs(found - before).max() < 1e-6:
             break
     return found
+
+
+def _times(matrices: Array, vectors: Array) -> Array:
+    """Of each of some matrices with its vector, (n, parts)."""
+    return np.asarray((matrices @ vectors[:, :, None])[:, :, 0])

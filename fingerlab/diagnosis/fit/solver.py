@@ -381,8 +381,8 @@ class Fitter:
                 for jacobian, sums in zip(jacobians, each, strict=True)
             ]
             for i, one in self._beyond(features):
-                pulls[i][one.folds] += one.pull @ jacobians[i]
-                bends[i][one.folds] += jacobians[i].T @ one.bend.curvature @ jacobians[i]
+                pulls[i][one.folds] += one.slope @ jacobians[i]
+                bends[i][one.folds] += one.along(jacobians[i]).curvature
             self._whole = values, list(zip(pulls, bends, strict=True)), self.normal_equations(values)
         _, folds, (gradient, information) = self._whole
         for group, (pull, bend) in zip(self.data.groups, folds, strict=True):
@@ -423,9 +423,10 @@ class Fitter:
         gradient = gradient + h.reshape(-1) @ slopes
         information, bend = information + across @ bent, information + across @ slopes
         for i, one in self._beyond(h):
-            gradient = gradient + one.pull.sum(axis=0) @ jacobian[i]
-            information = information + jacobian[i].T @ one.bend.curvature.sum(axis=0) @ jacobian[i]
-            bend = bend + jacobian[i].T @ one.bend.matrix.sum(axis=0) @ jacobian[i]
+            along = one.along(jacobian[i])
+            gradient = gradient + one.slope.sum(axis=0) @ jacobian[i]
+            information = information + along.curvature.sum(axis=0)
+            bend = bend + along.matrix.sum(axis=0)
         return gradient, information, bend
 
     def _beyond(self, told: Array) -> Iterator[tuple[int, Beyond]]:
