@@ -243,6 +243,10 @@ the scale of the thesis' motor; assumed."""
 SPREAD_STEPS = 29
 """Steps of that grid, a factor of 1.5 each: a spread need not be known better to be integrated out."""
 
+CONSTANTS_ROUNDS = 6
+"""Times that constants of runs are looked for, at most: each round a model that was fitted beside the last
+ones bends less to them; three to five are enough."""
+
 # ## How much is kept and done at once
 
 AT_ONCE = 64

@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from fingerlab.diagnosis.equations.features import IntArray
+from fingerlab.diagnosis.equations.features import BoolArray, IntArray
 from fingerlab.diagnosis.fit.data import Weighted
 from fingerlab.diagnosis.settings import PIVOTING_ROUNDS, SWEEPS
 from fingerlab.sessions.model import Array
@@ -125,7 +125,7 @@ class Own:
         slope = (pulled @ short[:, :, None])[:, :, 0]
         return Beyond(self.folds[far], slope, curved, pulled, self.inverse[far] - moving)
 
-    def _stand(self, told: Array) -> tuple[IntArray, Array, Array] | None:
+    def _stand(self, told: Array) -> tuple[IntArray, Array, BoolArray] | None:
         """Of the runs with a part at its bound, their places, (n,); how far each part falls short of what it
         would be without bounds, and which parts are at none, (n, parts) each."""
         wanted = (self._wanted @ told).reshape(len(self.folds), -1)
