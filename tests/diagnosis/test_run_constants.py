@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fingerlab.diagnosis.equations.features import Pick
 from fingerlab.diagnosis.diagnose import likeliest_constants
+from fingerlab.diagnosis.equations.features import Pick
 from fingerlab.diagnosis.fit.run_spreads import find_constants
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.gram.sums import RunConstants, RunTotals, taken_up
