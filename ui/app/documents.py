@@ -198,7 +198,14 @@ class PageView(QTextBrowser):
     def changeEvent(self, event: QEvent) -> None:
         super().changeEvent(event)
         if event.type() == QEvent.Type.PaletteChange and self.page:
-            self.show_page(self.page)
+            bar, chosen = self.verticalScrollBar(), self.textCursor()
+            read, places = bar.value(), (chosen.anchor(), chosen.position())
+            self.show_page(self.page)  # formulas and lines in the new colours, at the place that was read
+            chosen = self.textCursor()
+            chosen.setPosition(places[0])
+            chosen.setPosition(places[1], QTextCursor.MoveMode.KeepAnchor)
+            self.setTextCursor(chosen)
+            bar.setValue(read)
 
 
 def _folder(page: str) -> str:
