@@ -33,6 +33,7 @@ from fingerlab.sessions.trajectory import run_told
 
 from ..app.worker import Worker
 from ..widgets.layout import as_written
+from ..widgets.tables import LINE_BREAK
 from ..widgets.theme import colours_of, line, tint
 
 PHASE_WORDS = {"on_air": "on air", "contact": "contact", "motor_bench": "motor bench", "free": "free"}
@@ -394,9 +395,9 @@ class VerdictDelegate(QStyledItemDelegate):
         style = asked.widget.style() if asked.widget is not None else QApplication.style()
         margin = style.pixelMetric(QStyle.PixelMetric.PM_FocusFrameHMargin, asked, asked.widget) + 1
         room = asked.rect.width() - 2 * margin
-        asked.text = in_two_lines(
-            asked.text, lambda words: asked.fontMetrics.horizontalAdvance(words) <= room
-        )
+        lines = asked.text.replace(LINE_BREAK, "\n")
+        lines = in_two_lines(lines, lambda words: asked.fontMetrics.horizontalAdvance(words) <= room)
+        asked.text = lines.replace("\n", LINE_BREAK)
 
 
 def in_two_lines(text: str, fits: Callable[[str], bool]) -> str:
