@@ -9,7 +9,8 @@ other tabs show sessions that are recorded from it first::
 
 Most states are kept at 1280 x 800 alone. A state that stands for a point of the window (``POINTS``) is kept
 in the folder ``points`` in both themes at 1280 x 800, at 1920 x 1080 and at twice the scale, as the screen
-shows it: a dialog or menu over the window. Twice the scale is a process of its own, which this one starts.
+shows it: a dialog or menu over the window; beside the others it is light alone. Twice the scale is a process
+of its own, which this one starts.
 
 Numbers that the tutorials tell beside a picture are read from the same window and kept in ``facts.toml``
 beside the pictures; a test compares the tutorials with it.
@@ -116,7 +117,7 @@ def take(app: QApplication, tab: str, states: States, target: Path, folder: Path
                 pause(150)
                 width = "2x" if TWOFOLD else str(size[0])
                 size_words = "-".join((["dark"] if look == "dark" else []) + [width])
-                if width == str(SIZES[0][0]):
+                if width == str(SIZES[0][0]) and not (look == "dark" and key in POINTS):
                     save(grabbed(window), target / f"{key}{'-dark' if look == 'dark' else ''}.png")
                 elif size_words in ELSEWHERE.get(key, ()):
                     save(grabbed(window), target / f"{key}-{size_words}.png")
