@@ -498,8 +498,7 @@ class AcquireTab(Tab):
         if self._checks:
             self._show_lines()
             return
-        status = self.controller.status
-        self.plots.tick(self.controller.numbers_due, live=status is not None and not status.loop_ended)
+        self.plots.tick(self.controller.numbers_due, live=self.controller.live)
         if self.controller.numbers_due:
             self.comparison.show_errors()
             self.panel.refresh()
