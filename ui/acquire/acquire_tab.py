@@ -276,8 +276,10 @@ class AcquireTab(Tab):
     def disconnect_rig(self) -> None:
         """Let the device go; asked first where something would be lost."""
         if self.can_close():
+            self.context.hush()  # what was said of this rig does not outlive it
             self.recording.finish()
             self.controller.close()
+            self.context.say("Disconnected")
             self._look_for_devices()
 
     def _initialise(self) -> None:
