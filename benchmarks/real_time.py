@@ -31,7 +31,7 @@ import numpy as np
 import psutil
 
 from benchmarks.benches import in_processes, keep_option, kept, shown_window
-from benchmarks.machine import load_average, used
+from benchmarks.machine import code_words, load_average, used
 from benchmarks.real_time_page import Timed, page
 from fingerlab.acquisition.bench.process_bench import ProcessBench
 from fingerlab.acquisition.control.machine import Enable, Initialise, Mode, Reset, SetUp, Start
@@ -198,6 +198,7 @@ def measure(
         scheduling(bench.board[Slot.LOOP_PID]),
         asked.free_plots if window else 0,
         asked.beside,
+        code_words(),
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from benchmarks.machine import code_words, machine_words
+from benchmarks.machine import machine_words
 
 
 @dataclass(frozen=True)
@@ -15,7 +15,7 @@ class Timed:
     ``bare_ms``: lateness of a bare loop of waits. ``driven``: whether the motor was to run, ``driven_share``
     for how much of the cycles it did, ``stops``: a sentence for each time that the checks stopped it.
     ``granted``: how the system schedules the loop. ``free_plots``: so many of the window's, beside the six.
-    ``beside``: whether another process took a core.
+    ``beside``: whether another process took a core. ``code``: with which program.
     """
 
     window: bool
@@ -38,11 +38,13 @@ class Timed:
     granted: str = "before others"
     free_plots: int = 0
     beside: bool = False
+    code: str = ""
 
 
 def page(results: list[Timed], speeds: dict[int, float], rate_hz: float) -> str:
     """The measurements as a page of documentation."""
     table = {
+        "program": [r.code for r in results],
         "window drawing": [
             f"yes, {6 + r.free_plots} plots, {r.free_plots} of them free" if r.window else "no"
             for r in results
@@ -80,15 +82,13 @@ def page(results: list[Timed], speeds: dict[int, float], rate_hz: float) -> str:
         if stops
         else ""
     )
-    return TEXT.format(
-        rows="\n".join(rows), stops=told, speed=speed, machine=machine_words(), code=code_words()
-    )
+    return TEXT.format(rows="\n".join(rows), stops=told, speed=speed, machine=machine_words())
 
 
 TEXT = """# Real time
 
 Made with `python -m benchmarks.real_time`, without and with `--with-window`, `--free-plots`, `--driven` and
-`--beside`, on {machine}; {code}.
+`--beside`, on {machine}.
 Other programs shared the machine, as its load tells: a machine of one's own is more punctual.
 
 The simulated rig at 1 kHz by the machine's clock, every sample recorded. Where the motor is not driven the

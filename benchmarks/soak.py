@@ -90,6 +90,7 @@ class Soaked:
     info_mb: float
     load: float
     card: bool = False
+    code: str = ""
 
     @property
     def first(self) -> float:
@@ -256,6 +257,7 @@ def soak(hours: float, processes: bool, card: bool, path: Path) -> Soaked:
         info_mb,
         load_average(),
         card,
+        code_words(),
     )
 
 
@@ -310,6 +312,7 @@ def command(word: str, path: Path) -> tuple[float, float]:
 def page(results: list[Soaked]) -> str:
     """The results as a page of documentation, one column a soak."""
     table = {
+        "program": [r.code for r in results],
         "hours of rig time": [f"{r.hours:g}" for r in results],
         "bench": ["virtual card" if r.card else "simulated rig" for r in results],
         "processes": ["three" if r.processes else "one" for r in results],
@@ -333,14 +336,14 @@ def page(results: list[Soaked]) -> str:
     }
     rows = [f"| {words} | {' | '.join(cells)} |" for words, cells in table.items()]
     rows.insert(1, "|---|" + "---|" * len(results))
-    return TEXT.format(table="\n".join(rows), machine=machine_words(), code=code_words())
+    return TEXT.format(table="\n".join(rows), machine=machine_words())
 
 
 TEXT = """# Soak
 
 Hours of recording in one run on the simulated rig, and at the virtual card with the simulated finger on its
 connector, faster than real time: `python -m benchmarks.soak`, with and without `--card`, makes this page.
-Made with {code}, on {machine}, which other programs shared.
+Made on {machine}, which other programs shared.
 
 The finger presses the load cell in a sine of 4 degrees and 1 Hz about 0.8 N, under the position loop and the
 safety checks; loop, recorder and session file are those that a card would have. "One" process: loop and

@@ -420,6 +420,10 @@ def predict_states(window: MainWindow, folder: Path) -> Iterator[str]:
     pause(300)
     read_table(tab.widget, "predict", range(3))
     yield ""
+    tab.force.toggle_cursors()
+    pause(100)
+    yield "cursors"
+    tab.force.toggle_cursors()
     tab.compare()
     wait_until(lambda: bool(window.findChildren(ModelsDialog)) and not window.tasks.busy)
     (compared,) = window.findChildren(ModelsDialog)

@@ -14,6 +14,7 @@ from types import ModuleType
 import click
 import numpy as np
 import pytest
+from PIL import Image
 
 from fingerlab.cli.main import COMMANDS, cli
 from fingerlab.devices.protocol import Device
@@ -287,7 +288,22 @@ def test_every_picture_that_a_page_shows_is_there_and_every_picture_is_small() -
     for page in WRITTEN:
         for name in re.findall(r"!\[[^\]]*\]\(([^)]+)\)", page.read_text(encoding="utf-8")):
             assert (page.parent / name).is_file(), (page.name, name)
-    assert sum(path.stat().st_size for path in (DOCS / "images").iterdir()) < 6_500_000
+    size = {path: path.stat().st_size for path in (DOCS / "images").rglob("*.png")}
+    assert sum(size[path] for path in size if path.parent.name == "images") < 6_500_000
+    assert sum(size.values()) < 12_500_000
+
+
+def test_each_point_of_the_window_is_there_in_both_themes_and_every_size() -> None:
+    """Thirteen points; light and dark; 1280 x 800, 1920 x 1080, and 1280 x 800 at twice the scale."""
+    pictures = {path.stem.rsplit("-", 2)[0]: [] for path in (DOCS / "images" / "points").iterdir()}
+    for path in (DOCS / "images" / "points").iterdir():
+        name, look, size = path.stem.rsplit("-", 2)
+        pictures[name].append((look, size))
+        with Image.open(path) as picture:
+            assert picture.size == {"1280": (1280, 800), "1920": (1920, 1080), "2x": (2560, 1600)}[size]
+    assert [name[:2] for name in sorted(pictures)] == [f"{number:02d}" for number in range(1, 14)]
+    every = {(look, size) for look in ("light", "dark") for size in ("1280", "1920", "2x")}
+    assert all(set(taken) == every for taken in pictures.values())
 
 
 def test_the_summary_of_the_measurements_is_read_from_their_pages(generate: ModuleType) -> None:

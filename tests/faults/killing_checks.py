@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import subprocess
 import sys
@@ -33,6 +34,9 @@ STEPS = {
 """Steps in which it is killed, and within how many s of the step's beginning; of the set value's, where there
 is one."""
 
+DRIVING = ("output", "drive, line low", "drive")
+"""Those in which a set value stands for a while."""
+
 
 @dataclass(frozen=True)
 class Kill:
@@ -41,6 +45,8 @@ class Kill:
     Attributes:
         step, how: where and by which signal. driven: whether a set value stood when the kill came; enabled:
             whether the enable line did. zero: whether zero and low were reached, and stayed.
+        too_late: the step's set value had stood and was over again when the kill came.
+        since_ms: cycles of the card since that set value, to the kill; NaN in a step that has none.
         plant_ms: cycles of the card (1 ms each) from the kill to zero and low; 0 where nothing stood.
         ended: whether no process was left.
     """
@@ -49,6 +55,8 @@ class Kill:
     how: str
     driven: bool
     enabled: bool
+    too_late: bool
+    since_ms: float
     zero: bool
     plant_ms: float
     ended: bool
@@ -73,6 +81,7 @@ def kill_check(card: Served, step: str, how: str, share: float) -> Kill:
         children = lines.wait_for("told")["children"]
         _await_step(lines, name)
         _wait(_begun(step, output), 1e-4, check)
+        begun = read_output(output).cycles
         time.sleep(STEPS[step] * share)
         before = read_output(output)
         os.kill(check.pid, signal_of(how))
@@ -82,7 +91,11 @@ def kill_check(card: Served, step: str, how: str, share: float) -> Kill:
         after = read_output(output)
     stood = not before.zero
     plant = float(at.changed_at - before.cycles) if stood else 0.0
-    return Kill(step, how, before.volts != 0.0, before.enabled, at.zero and after.zero, plant, ended)
+    since = float(before.cycles - begun) if step in DRIVING else math.nan
+    driven = before.volts != 0.0
+    too_late = step in DRIVING and not driven
+    zero = at.zero and after.zero
+    return Kill(step, how, driven, before.enabled, too_late, since, zero, plant, ended)
 
 
 class _Lines:
@@ -129,7 +142,7 @@ def _begun(step: str, output: Path) -> Callable[[], bool]:
     def stands(now: Output) -> bool:
         if step == "drive":
             return now.volts != 0.0 and now.enabled
-        return now.volts != 0.0 or step not in ("output", "drive, line low")
+        return now.volts != 0.0 or step not in DRIVING
 
     return lambda: stands(read_output(output))
 

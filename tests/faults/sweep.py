@@ -102,8 +102,10 @@ def kills_at_the_card(options: argparse.Namespace, chance: random.Random) -> Ite
                     continue
             for _ in range(TRIES):
                 with suppress(NotSoFar):
-                    yield asdict(kill_check(card, who, how, chance.random()))
-                    break
+                    kill = kill_check(card, who, how, chance.random())
+                    yield asdict(kill)
+                    if not kill.too_late:  # else it is counted as such, and another comes in its place
+                        break
 
 
 def kills_of_a_trial(options: argparse.Namespace, chance: random.Random) -> Iterator[dict[str, Any]]:
@@ -140,7 +142,7 @@ def rows(outcomes: list[dict[str, Any]]) -> list[str]:
 
 
 def rows_of_checks(kills: list[dict[str, Any]]) -> list[str]:
-    """Rows of the kills of ``check-rig``, step by step."""
+    """Rows of the kills of ``check-rig``, step by step; ms since the set value of kills that found it."""
     told = []
     for step in STEPS:
         mine = [kill for kill in kills if kill["step"] == step]
@@ -149,8 +151,11 @@ def rows_of_checks(kills: list[dict[str, Any]]) -> list[str]:
         plant = [kill["plant_ms"] for kill in mine if kill["driven"]]
         ms = f"{np.median(plant):.0f} | {max(plant):.0f}" if plant else "- | -"
         term, kill9 = (sum(kill["how"] == how for kill in mine) for how in ("SIGTERM", "SIGKILL"))
+        since = [kill["since_ms"] for kill in mine if kill["driven"]]
+        came = f"{min(since):.0f} to {max(since):.0f}" if since else "-"
         told.append(
-            f"| {step} | {term} + {kill9} | {sum(kill['zero'] for kill in mine)} | {len(plant)} | {ms} | "
+            f"| {step} | {term} + {kill9} | {sum(kill['zero'] for kill in mine)} | {len(plant)} | {came} | "
+            f"{sum(kill['too_late'] for kill in mine)} | {ms} | "
             f"{sum(p > LIMIT_MS for p in plant)} | {sum(not kill['ended'] for kill in mine)} |"
         )
     return told

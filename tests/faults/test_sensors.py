@@ -10,7 +10,7 @@ FEW = {
     ("wire off: 0 V", "load cell"): (2, "refused", "gives 0.0"),
     ("wire off: 0 V", "current monitor"): (3, "stopped", "were asked for"),
     ("noise only", "MCP sensor"): (3, "stopped", "no more than noise"),
-    ("noise only", "load cell"): (3, "stopped", "no more than noise"),
+    ("noise only", "load cell"): (20, "stopped", "at a fingertip that is held"),
     ("both wires off", "encoder"): (2, "stopped", "encoder stood still"),
     ("wrong sense", "encoder"): (2, "stopped", "against the current"),
     ("wrong sense", "PIP sensor"): (2, "stopped", "against the cable's pull"),

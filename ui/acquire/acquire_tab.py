@@ -276,8 +276,10 @@ class AcquireTab(Tab):
     def disconnect_rig(self) -> None:
         """Let the device go; asked first where something would be lost."""
         if self.can_close():
+            self.context.hush()  # what was said of this rig does not outlive it
             self.recording.finish()
             self.controller.close()
+            self.context.say("Disconnected")
             self._look_for_devices()
 
     def _initialise(self) -> None:
@@ -496,8 +498,7 @@ class AcquireTab(Tab):
         if self._checks:
             self._show_lines()
             return
-        status = self.controller.status
-        self.plots.tick(self.controller.numbers_due, live=status is not None and not status.loop_ended)
+        self.plots.tick(self.controller.numbers_due, live=self.controller.live)
         if self.controller.numbers_due:
             self.comparison.show_errors()
             self.panel.refresh()

@@ -37,6 +37,9 @@ TICK_MS = 33
 NUMBERS_EVERY = 3
 """Looks from one showing of the numbers to the next: ten a second, more than one can read."""
 
+SILENT_LOOKS = 15
+"""Half a second without a sample: what is shown is none of now (assumed, as a window that hangs)."""
+
 NO_BENCH = "No rig is connected; choose one first."
 _LIGHTS: dict[Mode, Light] = {
     Mode.IDLE: "off",
@@ -85,7 +88,7 @@ class BenchController(QObject):
         self._reader: RingReader | None = None
         self._seen: Status | None = None
         self.numbers_due = True
-        self._looks = 0
+        self._looks = self._silent = 0
         self._timer = QTimer(self)
         self._timer.setTimerType(Qt.TimerType.PreciseTimer)
         self._timer.setInterval(TICK_MS)
@@ -132,6 +135,7 @@ class BenchController(QObject):
         self.history = LiveHistory((*SHOWN, *MODELLED), opened.bench.rate_hz)
         self._cycles = CycleTimes(opened.bench.rate_hz)
         self.status = self._seen = opened.bench.status()
+        self._silent = 0
         self._reader = opened.bench.ring.reader()
         self.set_up = SetUp()
         self.model = None
@@ -160,6 +164,11 @@ class BenchController(QObject):
     def driving(self) -> bool:
         """Whether the motor may have current."""
         return self.status is not None and self.status.enabled
+
+    @property
+    def live(self) -> bool:
+        """Whether samples come."""
+        return self.status is not None and not self.status.loop_ended and self._silent < SILENT_LOOKS
 
     @property
     def warning(self) -> str:
@@ -284,13 +293,15 @@ class BenchController(QObject):
         bench, reader = self.bench, self._reader
         if bench is None or reader is None:
             return
-        if has_virtual_clock(bench) and not self.worker.busy:
+        stands = has_virtual_clock(bench) and self.worker.busy
+        if has_virtual_clock(bench) and not stands:
             bench.step(round(TICK_MS * 1e-3 * bench.rate_hz))
         bench.beat()
         piece = reader.read()
         before, self.status = self.status, bench.status()
         if len(piece.rows):
             self._take(piece.rows)
+        self._silent = 0 if len(piece.rows) or stands else self._silent + 1
         self._looks += 1
         self.numbers_due = self._looks % NUMBERS_EVERY == 0 or _state(before) != _state(self.status)
         if self.numbers_due:

@@ -274,6 +274,8 @@ class RecordingControl(QObject):
             return "The known load rests on its support; start the motion first, which lifts it."
         if what in ("record", "protocol") and self.controller.status.loop_ended:
             return "The device is gone; connect it again."
+        if what in ("record", "protocol") and not self.recording and not self.controller.live:
+            return "The device gives no samples; reset the fault, or connect it again."
         if what == "record":
             return "A run is being recorded; end it first." if self.recording else ""
         if what in ("end", "pause", "mark"):

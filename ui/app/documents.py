@@ -28,10 +28,12 @@ from PySide6.QtWidgets import (
     QAbstractItemView,
     QComboBox,
     QDialog,
+    QHeaderView,
     QLabel,
     QLineEdit,
     QPushButton,
     QSplitter,
+    QTableView,
     QTextBrowser,
     QTreeWidget,
     QTreeWidgetItem,
@@ -50,6 +52,8 @@ PICTURE_WIDTH = 700
 FORMULA_POINTS = 9.5
 HEADING_ROOM = 18
 GROUPS = {"catalogue": "Catalogue of effects", "tutorials": "Tutorials"}
+ROLES = (Qt.ItemDataRole.DisplayRole, Qt.ItemDataRole.ToolTipRole)
+ACROSS = Qt.Orientation.Horizontal
 MOST_WORDS = 5
 """Words of the glossary that are told at one place."""
 
@@ -198,7 +202,14 @@ class PageView(QTextBrowser):
     def changeEvent(self, event: QEvent) -> None:
         super().changeEvent(event)
         if event.type() == QEvent.Type.PaletteChange and self.page:
-            self.show_page(self.page)
+            bar, chosen = self.verticalScrollBar(), self.textCursor()
+            read, places = bar.value(), (chosen.anchor(), chosen.position())
+            self.show_page(self.page)  # formulas and lines in the new colours, at the place that was read
+            chosen = self.textCursor()
+            chosen.setPosition(places[0])
+            chosen.setPosition(places[1], QTextCursor.MoveMode.KeepAnchor)
+            self.setTextCursor(chosen)
+            bar.setValue(read)
 
 
 def _folder(page: str) -> str:
@@ -362,16 +373,31 @@ def explanation(said: list[str]) -> str:
     return "<qt>" + "<br><br>".join(lines) + "</qt>"
 
 
+def _of_column(view: QAbstractItemView, place: QPoint) -> list[str]:
+    """Title and help of the column of a table at a place of its cells or of its head."""
+    if isinstance(view, QHeaderView):
+        column = view.logicalIndexAt(place) if view.orientation() == ACROSS else -1
+    else:
+        column = view.indexAt(place).column() if isinstance(view, QTableView) else -1
+    if column < 0:
+        return []
+    told = [view.model().headerData(column, ACROSS, role) for role in ROLES]
+    return [str(text).replace("\n", " ") for text in told if text]
+
+
 def _said_at(window: QWidget, place: QPoint) -> list[str]:
-    """What the thing at a place shows, its name, and at last its tooltip; of cells the cell's."""
+    """What the thing at a place shows, its name, and at last its tooltip; of a cell its column's, too."""
     widget: QWidget | None = window.childAt(place)
     said: list[str] = []
     while widget is not None and widget is not window:
         view = widget.parentWidget()
         if isinstance(view, QAbstractItemView) and widget is view.viewport():
+            of_column = _of_column(view, widget.mapFrom(window, place))
             index = view.indexAt(widget.mapFrom(window, place))
-            roles = (Qt.ItemDataRole.DisplayRole, Qt.ItemDataRole.ToolTipRole)
-            said += [str(index.data(role)) for role in roles if index.isValid() and index.data(role)]
+            said += [str(index.data(role)) for role in ROLES if index.isValid() and index.data(role)]
+            if of_column:  # what a column is tells more than what the table is
+                said += of_column
+                break
         if isinstance(widget, QAbstractButton | QLabel):
             said.append(widget.text())
         if isinstance(widget, QComboBox):

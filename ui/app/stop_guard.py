@@ -28,6 +28,7 @@ from PySide6.QtWidgets import QApplication, QPushButton, QWidget
 from ..widgets.layout import FLUSH, vbox
 from .context import ApplicationContext
 from .stop_key import STOP_KEYS, SystemKey
+from .worker import Precedence
 
 LOOK_MS = 50
 """From one look at what stands open to the next; nobody's hand is at STOP sooner after opening a dialog."""
@@ -103,6 +104,7 @@ class StopGuard(QObject):
         if on == self._armed or app is None:
             return
         self._armed = on
+        Precedence.take(on)
         # The system's own dialogs would keep keys and presses to themselves.
         QCoreApplication.setAttribute(Qt.ApplicationAttribute.AA_DontUseNativeDialogs, on)
         if on:

@@ -25,7 +25,7 @@ from fingerlab.thesis.inspection import Inspection
 from fingerlab.thesis.onair import RegionResult
 from fingerlab.thesis.traces import JOINT_TITLES, JOINTS, Joint
 
-from ..app.worker import IsCancelled, Progress, Worker
+from ..app.worker import Failed, IsCancelled, Progress, Worker
 from ..widgets.fields import WholeField, progress_bar, set_usable
 from ..widgets.layout import FLUSH, Panes, ResultDialog, Spacer, described, hbox, vbox
 from ..widgets.tables import NumberTable, WholeLabel, remark
@@ -68,7 +68,7 @@ class ReplicateDialog(ResultDialog):
         self._build()
         self.run.clicked.connect(self._run_or_stop)
         self._worker.progressed.connect(lambda share, _what: self.progress.setValue(round(1000 * share)))
-        self._worker.failed.connect(lambda failed: self.words.setText(failed.sentence))
+        self._worker.failed.connect(self._on_failed)
         self._worker.busy_changed.connect(self._refresh)
         self._worker.ended.connect(lambda _how: self._refresh())
         self._refresh()
@@ -100,8 +100,7 @@ class ReplicateDialog(ResultDialog):
 
             return replicated(PRESET, seeds, Watch(progress, cancelled))
 
-        self.words.setText("")
-        self._worker.start("Replicating", work, self._show)
+        self._worker.start("Replicating", work, self._show)  # what stands stays until there is another
 
     def _show(self, lines: Sequence[ComparedQuantity]) -> None:
         from fingerlab.report.comparison_words import cells, outcome_sentences
@@ -114,6 +113,10 @@ class ReplicateDialog(ResultDialog):
                 item.setToolTip(line.tolerance.reason)
         said = squared(outcome_sentences(lines)[0])
         self.words.setText(f"{said} Spreads in brackets are ours; the mouse says why.")
+
+    def _on_failed(self, failed: Failed) -> None:
+        self.words.setText(failed.sentence)
+        self.table.show_rows([])
 
     def _refresh(self) -> None:
         busy = self._worker.busy

@@ -74,6 +74,8 @@ class TriedDialog(QDialog):
         super().__init__(parent)
         _prepare(self, "Models tried", "triedModels")
         self.models = described(QListWidget(), "triedList", accessible="Models tried, least error first")
+        self.models.setWordWrap(True)
+        self.models.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         self._tried = sorted(tried, key=lambda one: one.score)
         for model in self._tried:
             here = " (shown now)" if model.key == now else ""

@@ -140,8 +140,8 @@ class ForcePlot(ShownPlot):
             return
         first = next(iter(self.shown.values()))[1]
         apart = f"B − A: {fixed(times[1] - times[0], 3)} s"
-        lines = {"measured": first.measured, **{name: one.modelled for name, (_, one) in self.shown.items()}}
-        said = [f"{name} {_less(first.time, values, times)}" for name, values in lines.items()]
+        said = [f"measured {_less(first.time, first.measured, times)}"]
+        said += [f"{name} {_less(one.time, one.modelled, times)}" for name, (_, one) in self.shown.items()]
         self.read.emit(tuple(f"{', '.join([apart, *said[:many]])} N" for many in range(len(said), 0, -1)))
 
     def redraw(self) -> None:
@@ -159,6 +159,7 @@ class ForcePlot(ShownPlot):
         for name, (one, force) in self.shown.items():
             plot.addItem(plain_curve(force.time, force.modelled, one.pen(colours, width), name))
         if self.pair is not None:
+            self.pair.recolour(self)
             self.pair.draw_again()
         ends = float(first.time[0]), float(first.time[-1])
         plot.setLimits(xMin=ends[0], xMax=ends[1])
@@ -170,8 +171,11 @@ class ForcePlot(ShownPlot):
 
 
 def _less(time: Array, values: Array, times: tuple[float, float]) -> str:
-    """B less A, in N with three decimals: a load cell tells some mN."""
-    change = float(np.interp(times[1], time, values) - np.interp(times[0], time, values))
+    """B less A, in N with three decimals: a load cell tells some mN; a dash beyond the values."""
+    at = np.interp(times, time, values, left=np.nan, right=np.nan)
+    change = float(at[1] - at[0])
+    if not np.isfinite(change):
+        return "–"
     return f"{'+' if change >= 0 else ''}{fixed(change, 3)}"
 
 

@@ -40,6 +40,7 @@ from .session_table import (
     SessionTable,
     ThumbnailDelegate,
     Thumbnails,
+    VerdictDelegate,
     clock_time,
     duration,
     verdict_text,
@@ -201,7 +202,7 @@ def about(facts: SessionFacts, verdict: Verdict | None) -> str:
     return "\n".join(lines)
 
 
-WIDTHS = {MOTOR: 12, RECORDED: 12, LENGTH: 12, PHASES: 12, RIG: 11, QUALITY: 11, VERDICT: 20, TAGS: 10}
+WIDTHS = {MOTOR: 12, RECORDED: 12, LENGTH: 12, PHASES: 13, RIG: 10, QUALITY: 11, VERDICT: 20, TAGS: 10}
 """Widths in characters; the name takes the rest, and gives the verdict a share of what it does not need."""
 NAME_NEEDS, VERDICT_MOST = 27, 44
 """Characters: what a name gets first, and the most that a verdict gets."""
@@ -284,6 +285,7 @@ class LibraryPage(QWidget):
         table.setTabKeyNavigation(False)
         table.setAlternatingRowColors(True)
         table.setItemDelegateForColumn(MOTOR, ThumbnailDelegate(self._thumbnail, table))
+        table.setItemDelegateForColumn(VERDICT, VerdictDelegate(table))
         table.verticalHeader().hide()
         table.verticalHeader().setDefaultSectionSize(round(2.7 * metrics.height()))
         header = table.horizontalHeader()

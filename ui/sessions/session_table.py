@@ -21,7 +21,7 @@ from PySide6.QtCore import (
     Signal,
 )
 from PySide6.QtGui import QPainter, QPolygonF
-from PySide6.QtWidgets import QStyle, QStyledItemDelegate, QStyleOptionViewItem
+from PySide6.QtWidgets import QApplication, QStyle, QStyledItemDelegate, QStyleOptionViewItem
 
 from fingerlab.core.text import percent, score_text
 from fingerlab.library.index import UNWRITTEN, SessionFacts
@@ -33,6 +33,7 @@ from fingerlab.sessions.trajectory import run_told
 
 from ..app.worker import Worker
 from ..widgets.layout import as_written
+from ..widgets.tables import LINE_BREAK
 from ..widgets.theme import colours_of, line, tint
 
 PHASE_WORDS = {"on_air": "on air", "contact": "contact", "motor_bench": "motor bench", "free": "free"}
@@ -381,6 +382,38 @@ class ThumbnailDelegate(QStyledItemDelegate):
 
     def sizeHint(self, option: QStyleOptionViewItem, index: QModelIndex | QPersistentModelIndex) -> QSize:
         return QSize(112, super().sizeHint(option, index).height())
+
+
+class VerdictDelegate(QStyledItemDelegate):
+    """A verdict whose name is longer than its column goes on in the second line, before how sure it is."""
+
+    def initStyleOption(
+        self, option: QStyleOptionViewItem, index: QModelIndex | QPersistentModelIndex
+    ) -> None:
+        super().initStyleOption(option, index)
+        asked: Any = option
+        style = asked.widget.style() if asked.widget is not None else QApplication.style()
+        margin = style.pixelMetric(QStyle.PixelMetric.PM_FocusFrameHMargin, asked, asked.widget) + 1
+        room = asked.rect.width() - 2 * margin
+        lines = asked.text.replace(LINE_BREAK, "\n")
+        lines = in_two_lines(lines, lambda words: asked.fontMetrics.horizontalAdvance(words) <= room)
+        asked.text = lines.replace("\n", LINE_BREAK)
+
+
+def in_two_lines(text: str, fits: Callable[[str], bool]) -> str:
+    """A name and, in the next line, what is said of it; the name goes on there where one line has no room.
+
+    What is said ends in … behind its first part where there is no room for all of it beside the name's end.
+    """
+    name, _, said = text.partition("\n")
+    words = name.split(" ")
+    count = max((n for n in range(1, len(words) + 1) if fits(" ".join(words[:n]))), default=len(words))
+    if count == len(words):
+        return text
+    first, rest = " ".join(words[:count]), " ".join(words[count:])
+    shorter = said.partition(", ")
+    second = f"{rest}, {said}" if said else rest
+    return f"{first}\n{second if fits(second) or not shorter[1] else f'{rest}, {shorter[0]} …'}"
 
 
 def outline(found: Thumbnail, room: QRectF) -> QPolygonF:

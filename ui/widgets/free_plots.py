@@ -40,6 +40,8 @@ SHRINK_BELOW = 0.35
 """A scale is tightened when its data fill less than this share of it."""
 LEAST_WIDTH, LEAST_HEIGHT = 200, 150
 WIDTH = 300
+MOST_HEIGHT = 1 << 15
+"""px; what settings say beyond it is no height."""
 
 
 LOOP_HELP = "A loop goes through means of neighbouring samples, a thousand in what is shown."
@@ -242,7 +244,9 @@ class FreePlots(QWidget):
         self._beside: Panes | None = None
         self._keep: Callable[[str], None] = lambda _text: None
         self._stack = QSplitter(Qt.Orientation.Vertical)
+        self._stack.setObjectName("freeStack")
         self._stack.setChildrenCollapsible(False)
+        self._stack.splitterMoved.connect(lambda *_: self._store())
         vbox(self, self._stack, margins=FLUSH)
         self.hide()
 
@@ -253,7 +257,7 @@ class FreePlots(QWidget):
         return self._beside
 
     def remember(self, settings: Settings, name: str) -> None:
-        """Arrange the plots as they were left, as wide as they were, and keep every change."""
+        """Arrange the plots as they were left, as wide and as high as they were, and keep every change."""
         if self._beside is not None:
             self._beside.setObjectName(f"{name}Beside")
             self._beside.remember(settings)
@@ -262,11 +266,14 @@ class FreePlots(QWidget):
             left_out, free = kept.get("left_out", []), kept.get("free", [])
             pairs = [(str(up), str(across)) for up, across in free][:MOST_PLOTS]
             gone = frozenset(map(str, left_out))
-        except (ValueError, TypeError, AttributeError):
-            gone, pairs = frozenset(), []
+            heights = [int(height) for height in kept.get("heights", [])]
+        except (ValueError, TypeError, AttributeError, OverflowError):
+            gone, pairs, heights = frozenset(), [], []
         self.left_out = frozenset(self.fixed) & gone
         for up, across in pairs:
             self._add(up, across)
+        if len(heights) == len(self.plots) and all(0 < height < MOST_HEIGHT for height in heights):
+            self._stack.setSizes(heights)
         self._keep = lambda text: settings.set_arrangement(name, text)
         self.changed.emit()
 
@@ -287,7 +294,7 @@ class FreePlots(QWidget):
 
     def _remove(self, plot: FreePlot) -> None:
         self.plots.remove(plot)
-        plot.hide()
+        plot.setParent(None)  # the others take its place at once
         plot.deleteLater()
         self.setVisible(bool(self.plots))
         self._on_changed()
@@ -297,9 +304,16 @@ class FreePlots(QWidget):
         self.left_out = self.left_out | {key} if out else self.left_out - {key}
         self._on_changed()
 
-    def _on_changed(self) -> None:
-        kept = {"left_out": sorted(self.left_out), "free": [plot.spec for plot in self.plots]}
+    def _store(self) -> None:
+        kept = {
+            "left_out": sorted(self.left_out),
+            "free": [plot.spec for plot in self.plots],
+            "heights": self._stack.sizes(),
+        }
         self._keep(json.dumps(kept))
+
+    def _on_changed(self) -> None:
+        self._store()
         self.changed.emit()
         self.wanted.emit()
 

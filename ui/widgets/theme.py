@@ -16,7 +16,7 @@ from PySide6.QtWidgets import QApplication, QWidget
 Appearance = Literal["system", "light", "dark"]
 
 
-FRAMED = ("QAbstractSpinBox", "QLineEdit", "QPlainTextEdit", "QCheckBox", "QRadioButton")
+FRAMED = ("QAbstractSpinBox", "QLineEdit", "QPlainTextEdit", "QCheckBox", "QRadioButton", "QMenu")
 """Widgets whose outline the style derives from the window's colour, darker, which nobody sees on black."""
 
 OUTLINE_DARKER = 1.4

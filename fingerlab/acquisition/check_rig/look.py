@@ -321,7 +321,8 @@ def told() -> Iterator[None]:
 
 
 def asked(look: Look, step: str, title: str, question: str, measured: dict[str, Any]) -> Outcome:
-    """What only the operator can tell."""
+    """What only the operator can tell; the sentence repeats what they were shown."""
+    shown = question.rpartition(". ")[0]
     answer = look.operator.ask(step, question)
     state = {YES: CONFIRMED, NO: FAILED, SKIP: SKIPPED}.get(answer, FAILED)
     words = {
@@ -329,4 +330,4 @@ def asked(look: Look, step: str, title: str, question: str, measured: dict[str, 
         FAILED: "The operator says no; correct the rig file and check again.",
         SKIPPED: "The operator left it out.",
     }
-    return Outcome(step, title, state, words[state], question, answer, measured)
+    return Outcome(step, title, state, f"{shown}. {words[state]}", question, answer, measured)

@@ -44,7 +44,7 @@ BLOCKED = math.radians(2.0)
 """A finger whose joints change by less stands against something (assumed)."""
 
 PULL = 0.1
-"""N m by which the motor pulls more at a finger that stands still: more than springs, joints, sheath and
+"""N m by which the motor pulls more at a fingertip that is held: more than springs, joints, sheath and
 motor take up by rubbing (assumed); a load cell in its way shows about a newton."""
 
 PRESSED = 0.5
@@ -323,8 +323,17 @@ class EncoderAnswers:
         )
 
 
+def _stands(mcp: float, pip: float) -> bool:
+    """Whether something holds the fingertip, by the changes (rad) of both joints while the motor pulls more.
+
+    One cable turns both joints of a free finger the same way. Where the tip is held, neither turns, or the
+    chain gives way between motor and tip: one joint goes on and pushes the other back.
+    """
+    return max(abs(mcp), abs(pip)) <= BLOCKED or mcp * pip < -(STILL**2)
+
+
 class LoadCellAnswers:
-    """A finger that no longer moves although the motor pulls stands against the load cell, which shows it.
+    """A fingertip that is held although the motor pulls stands against the load cell, which shows it.
 
     It also shows it where the finger has pressed before.
     """
@@ -350,7 +359,7 @@ class LoadCellAnswers:
                 "supply, its cable and its place."
             )
         start = self._from
-        if start is None or max(abs(mean.mcp - start.mcp), abs(mean.pip - start.pip)) > BLOCKED:
+        if start is None or not _stands(mean.mcp - start.mcp, mean.pip - start.pip):
             self._from = mean
             return None
         if abs(mean.force - start.force) > STILL_FORCE or abs(mean.torque) < abs(start.torque):
@@ -361,7 +370,7 @@ class LoadCellAnswers:
             return None
         return (
             f"The load cell shows no more than noise although the motor pulls by {1e3 * rise:.0f} mN m more "
-            "at a finger that stands still; check the load cell's supply, its cable and its place."
+            "at a fingertip that is held; check the load cell's supply, its cable and its place."
         )
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QComboBox, QLabel, QPushButton, QWidget
+from PySide6.QtWidgets import QComboBox, QFrame, QLabel, QPushButton, QWidget
 from pytestqt.qtbot import QtBot
 
 from fingerlab.acquisition.control.machine import Mode
@@ -161,7 +161,11 @@ def test_closing_while_running_asks_and_stops_first(
 
 
 def test_disconnect_leads_back_to_the_choice(rig: Rig, qtbot: QtBot) -> None:
+    rig.window.context.tell("The machine does not hold 1000 Hz: 3 of 4 cycles were lost.")
+    assert child(rig.window, QFrame, "messageBar").isVisible()
     rig.click("disconnect")
+    assert not child(rig.window, QFrame, "messageBar").isVisible()  # nothing outlives the rig it was said of
+    assert child(rig.window, QLabel, "status").text() == "Disconnected"
     qtbot.waitUntil(lambda: not rig.controller.worker.busy, timeout=PATIENCE)
     assert rig.button("connectSimulated").isVisible()
     assert rig.label("rigState") == "No rig"

@@ -306,6 +306,11 @@ def test_a_card_is_connected_driven_recorded_and_lost(unconnected, qtbot: QtBot)
     assert rig.window.message.isVisible()
     assert "\n" not in rig.label("message")
     assert not rig.bench.status().enabled
+    rig.run(1.0)  # no sample has come: no reading is one of now, and no run can begin
+    readings = [one for pane in rig.tab.plots.panes.values() for one in pane.readings.values()]
+    assert {one.value.text()[:1] for one in readings} == {"–"}
+    assert "no samples" in rig.button("record").toolTip()
+    assert not rig.button("record").isEnabled()
 
 
 def test_a_card_behind_the_server_of_a_rig_file(  # type: ignore[no-untyped-def]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from collections.abc import Callable
 
 import pytest
@@ -180,6 +182,23 @@ def test_a_finger_stops(rig: Rig) -> None:
     finger.press(0, place, handle)
     finger.commit()
     assert_stopped(rig)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere it is the whole process")
+def test_the_window_comes_first_while_a_rig_is_connected_and_its_workers_do_not(
+    connect_rig: Callable[[], Rig],
+) -> None:
+    before = os.getpriority(os.PRIO_PROCESS, 0)
+    rig = connect_rig()
+    ahead = os.getpriority(os.PRIO_PROCESS, 0)
+    assert ahead in (before - 5, before)  # who is not granted it goes on as before
+    seen: list[int] = []
+    rig.controller.worker.start("looking", lambda *_: seen.append(os.getpriority(os.PRIO_PROCESS, 0)))
+    rig.wait_idle()
+    assert seen == [before]
+    rig.click("disconnect")
+    rig.wait_idle()
+    assert os.getpriority(os.PRIO_PROCESS, 0) == before
 
 
 @pytest.mark.qt_log_ignore("This plugin does not support")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
@@ -71,6 +72,8 @@ def test_a_rehearsal_by_clicks_ends_confirmed_and_leads_to_the_bench(
     answer(rig, qtbot, {})
     assert "All confirmed" in rig.label("checkQuestion")
     assert set(findings(rig).values()) == {"confirmed", "not applicable"}
+    said = child(rig.window, QTableWidget, "checkFindings").item(0, 2).text()
+    assert re.fullmatch(r"The load cell reads [−\d.]+ N \(.+ V at ai0, noise .+ mV\)\. The operator .+", said)
     assert not (tmp_path / "rigs" / "default" / "checks").exists()  # of no real bench
     rig.click("checkDrive")
     qtbot.waitUntil(rig.tab.connected, timeout=PATIENCE)

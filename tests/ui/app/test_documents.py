@@ -9,7 +9,7 @@ import pytest
 from PySide6.QtCore import QPoint, Qt
 from PySide6.QtGui import QDesktopServices, QTextDocument
 from PySide6.QtTest import QTest
-from PySide6.QtWidgets import QDialogButtonBox, QFileDialog, QLabel, QPushButton, QWhatsThis
+from PySide6.QtWidgets import QApplication, QDialogButtonBox, QFileDialog, QLabel, QPushButton, QWhatsThis
 from pytestqt.qtbot import QtBot
 
 from fingerlab.effects import whole_catalogue
@@ -17,6 +17,7 @@ from fingerlab.report import documents
 from fingerlab.ui.app.documents import Documents
 from fingerlab.ui.app.window import MainWindow
 from fingerlab.ui.lab.own_effects import EffectEditor, OwnEffects
+from fingerlab.ui.widgets.theme import apply_appearance
 
 from ..hands import LEFT, child, click, lab_of
 
@@ -88,6 +89,12 @@ def test_a_word_is_explained_where_it_stands_and_in_the_glossary(
     assert dialog.view.page == "glossary.md"
     opened.show_documents("glossary.md", "floor")
     assert dialog.view.textCursor().selectedText() == "floor"
+    read = dialog.view.verticalScrollBar().value()
+    assert read > 0
+    apply_appearance(QApplication.instance(), "dark")
+    assert dialog.view.textCursor().selectedText() == "floor"  # the place that was read stays
+    assert dialog.view.verticalScrollBar().value() == read
+    apply_appearance(QApplication.instance(), "light")
     dialog.close()
 
 

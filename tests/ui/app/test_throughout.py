@@ -165,6 +165,26 @@ def test_boxes_in_a_list_have_an_edge_ticked_or_not_selected_or_not(
 
 
 @pytest.mark.parametrize("look", ["light", "dark"])
+def test_a_menus_boxes_and_lines_are_seen(qtbot: QtBot, qapp: QApplication, look: Appearance) -> None:
+    apply_appearance(qapp, look)
+    menu = QMenu()
+    qtbot.addWidget(menu)
+    ticked = menu.addAction("Cursors")
+    menu.addSeparator()
+    below = menu.addAction("")
+    ticked.setCheckable(True)
+    menu.resize(menu.sizeHint())
+    image = menu.grab().toImage()
+    apply_appearance(qapp, "light")
+    row = menu.actionGeometry(ticked).center().y()
+    across = [image.pixelColor(x, row) for x in range(4, 20)]
+    ends = menu.actionGeometry(ticked).bottom() - 1, menu.actionGeometry(below).top() + 2
+    down = [image.pixelColor(menu.width() // 2, y) for y in range(*ends)]
+    for seen in (across, down):
+        assert max(contrast(one, other) for one in seen for other in seen) > 1.3
+
+
+@pytest.mark.parametrize("look", ["light", "dark"])
 @pytest.mark.parametrize("kind", [QMenu, QComboBox])
 def test_the_entry_under_the_mouse_can_be_read(
     qtbot: QtBot, qapp: QApplication, kind: type[QMenu | QComboBox], look: Appearance

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtTest import QTest
-from PySide6.QtWidgets import QComboBox, QFileDialog, QLabel, QPushButton
+from PySide6.QtWidgets import QComboBox, QFileDialog, QLabel, QPushButton, QTableView, QWhatsThis
 from pytestqt.qtbot import QtBot
 
 from fingerlab.models.file import load_model
@@ -74,6 +74,19 @@ def analysed(qtbot: QtBot, window: MainWindow) -> MainWindow:
     assert child(window, QLabel, "fitEmpty").text() == "Fitting air.h5"
     qtbot.waitUntil(lambda: fit_of(window).found is not None and not window.tasks.busy, timeout=PATIENCE)
     return window
+
+
+def test_what_a_column_is_can_be_asked_at_any_of_its_cells(
+    analysed: MainWindow, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told: list[str] = []
+    monkeypatch.setattr(QWhatsThis, "showText", staticmethod(lambda _at, text, _widget: told.append(text)))
+    table = analysed.tab("fit").widget.findChild(QTableView)
+    QTest.keyClick(analysed, Qt.Key.Key_F1, Qt.KeyboardModifier.ShiftModifier)
+    place = table.visualRect(table.model().index(0, 3)).center()
+    QTest.mouseClick(table.viewport(), Qt.MouseButton.LeftButton, pos=place)
+    QWhatsThis.leaveWhatsThisMode()
+    assert "slope of joint torque on cable tension" in told[-1]
 
 
 def test_empty_and_waiting_say_what_will_be_here(make_window, window: MainWindow) -> None:  # type: ignore[no-untyped-def]

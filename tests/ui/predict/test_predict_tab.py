@@ -173,6 +173,13 @@ def test_two_cursors_read_the_force_between_them(predicted: MainWindow) -> None:
     assert told == pytest.approx(change, abs=6e-4)
     QTest.keyClick(predicted, Qt.Key.Key_Down, Qt.KeyboardModifier.AltModifier)
     assert plot.pair.times == pytest.approx((a, b))  # they stand where they stood, in the next run
+    (name, (look, force)), other = plot.shown.items()
+    parts = {part: getattr(force, part)[::3] for part in ("time", "measured", "half_width")}
+    few = replace(force, **parts, modelled=2.0 * force.modelled[::3])
+    plot.show_forces({name: (look, few), other[0]: other[1]})  # each model has its own samples
+    times = np.interp([a, b], few.time, few.modelled)
+    said = float(read.text().split(f"{name} ")[1].split(",")[0].removesuffix(" N").replace("−", "-"))
+    assert said == pytest.approx(times[1] - times[0], abs=6e-4)
     QTest.keyClick(plot, Qt.Key.Key_C)
     assert not read.isVisible()
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ import pyqtgraph as pg
 import pytest
 from PySide6.QtCore import QPointF, Qt
 from PySide6.QtTest import QTest
-from PySide6.QtWidgets import QLabel, QPushButton, QTableWidget
+from PySide6.QtWidgets import QLabel, QPushButton, QStyleOptionViewItem, QTableWidget
 from pytestqt.qtbot import QtBot
 
 from fingerlab.batch.run import run_batch
@@ -24,6 +25,7 @@ from fingerlab.twin.session import write_session
 from fingerlab.ui.sessions.session_table import VERDICT
 from fingerlab.ui.sessions.sessions_tab import SessionsTab
 from fingerlab.ui.sessions.trend_dialog import TrendDialog
+from fingerlab.ui.widgets.tables import LINE_BREAK
 
 from ..hands import LEFT, child, click
 
@@ -89,6 +91,17 @@ def test_verdicts_come_one_by_one_and_a_stop_keeps_them(
     qtbot.waitUntil(lambda: verdicts(tab)["a.h5"] == "Coulomb joint friction\n93 %", timeout=PATIENCE)
     assert verdicts(tab)["b.h5"] == ""
     assert "1 of 2" in tab.page.count.text()
+    long = replace(tab.page.model.verdict(tmp_path / "a.h5"), effects=("asymmetric_friction",))
+    tab.page.model.show_verdict(tmp_path / "a.h5", long)
+    table = tab.page.table
+    index = table.model().index(tab.page.model.row(tmp_path / "a.h5"), VERDICT)
+    option = QStyleOptionViewItem()
+    option.rect, option.widget, option.fontMetrics = table.visualRect(index), table, table.fontMetrics()
+    table.itemDelegateForColumn(VERDICT).initStyleOption(option, index)
+    lines = option.text.split(LINE_BREAK)  # as Qt's item views break a line
+    assert " ".join(lines) == "Motor friction that differs by direction, 93 %"
+    assert max(map(option.fontMetrics.horizontalAdvance, lines)) < option.rect.width()
+    tab.page.model.show_verdict(tmp_path / "a.h5", replace(long, effects=("coulomb_friction",)))
     click(tab.widget, "diagnoseAll")
     qtbot.waitUntil(lambda: not tab.batch.busy, timeout=PATIENCE)
     assert heard.is_set()

@@ -24,12 +24,14 @@ from PySide6.QtWidgets import (
 from pytestqt.qtbot import QtBot
 
 from fingerlab.core.errors import Cancelled
+from fingerlab.effects import CATALOGUE
 from fingerlab.library.notes import FILE_NAME
+from fingerlab.report.diagnosis_words import effect_title
 from fingerlab.sessions import open_session
 from fingerlab.ui.app.context import Settings
 from fingerlab.ui.app.window import MainWindow
 from fingerlab.ui.sessions import sessions_tab as browse_tab
-from fingerlab.ui.sessions.session_table import NAME, QUALITY, RECORDED, TAGS, VERDICT
+from fingerlab.ui.sessions.session_table import NAME, QUALITY, RECORDED, TAGS, VERDICT, in_two_lines
 from fingerlab.ui.sessions.sessions_tab import SessionsTab
 
 from ..hands import LEFT, PATIENCE, child, click, drop, invented_diagnosis, lab_of
@@ -182,6 +184,21 @@ def test_a_wide_window_gives_the_verdict_room(browsing: Opened, qtbot: QtBot) ->
     qtbot.waitUntil(lambda: tab.page.table.columnWidth(VERDICT) > 1.3 * narrow)
     window.resize(1280, 760)
     qtbot.waitUntil(lambda: tab.page.table.columnWidth(VERDICT) == narrow)
+
+
+def test_no_verdict_is_cut_where_its_column_is_narrow() -> None:
+    """Of every effect of the catalogue, with the letters that the table has at 1280 px: 27 fit a line."""
+    titles = [effect_title(name) for name in CATALOGUE]
+    assert max(map(len, titles)) > 40
+    for title in titles:
+        first, second = in_two_lines(f"{title}\n95 %", lambda words: len(words) <= 27).split("\n")
+        assert max(len(first), len(second)) <= 27, title
+        assert f"{first} {second}".replace(", 95 %", "").removesuffix(" 95 %") == title
+    long = "Motor friction that differs by direction\n63 %, not ruled out: 2 more"
+    assert in_two_lines(long, lambda words: len(words) <= 27) == (
+        "Motor friction that differs\nby direction, 63 % …"
+    )
+    assert in_two_lines(long, lambda words: len(words) <= 50) == long
 
 
 def test_columns_come_back_as_they_were_left(browsing: Opened, make_window, qtbot: QtBot) -> None:  # type: ignore[no-untyped-def]

@@ -128,6 +128,14 @@ def test_a_live_loop_and_a_spectrum_follow_the_bench_and_are_kept(
     QTest.mouseRelease(both.handle(1), LEFT)
     wider = both.sizes()
     assert wider[1] > free.plots[0].minimumWidth() + 100
+    stack = child(rig.window, QSplitter, "freeStack")
+    level_before = stack.sizes()
+    assert level_before[0] == pytest.approx(level_before[1], abs=16)
+    QTest.mousePress(stack.handle(1), LEFT)
+    QTest.mouseMove(stack.handle(1), QPoint(10, 90))
+    QTest.mouseRelease(stack.handle(1), LEFT)
+    higher = stack.sizes()
+    assert higher[0] > level_before[0] + 60
     again = Rig(make_window(tab="acquire", tabs=tabs_with(opener(tmp_path / "again"))), qtbot)  # type: ignore[arg-type]
     kept = again.tab.plots
     assert [plot.spec for plot in kept.free.plots] == [
@@ -136,7 +144,10 @@ def test_a_live_loop_and_a_spectrum_follow_the_bench_and_are_kept(
     ]
     assert kept.panes["angles"].isHidden()
     assert not button_of(again.window).boxes["angles"].isChecked()
+    again.window.resize(rig.window.size())
     assert child(again.window, QSplitter, "acquireBeside").sizes() == pytest.approx(wider, abs=16)
+    assert child(again.window, QSplitter, "freeStack").sizes() == pytest.approx(higher, abs=16)
+    look(again.window)  # type: ignore[arg-type]
     QTest.mouseClick(child(again.window, QToolButton, "freeGone1"), LEFT)
     assert [plot.spec[1] for plot in kept.free.plots] == ["frequency"]
     for name in ("displacement", "torque", "force"):
@@ -194,7 +205,11 @@ def test_any_channel_over_any_in_the_review_follows_the_view(
 
 
 def test_settings_that_hold_anything_do_no_harm(settings: Settings, qtbot: QtBot) -> None:
-    for text in ("no json", "[]", '{"free": [1, 2]}', '{"left_out": 3}', '{"free": [["a", "b"], ["c"]]}'):
+    two = '"free": [["a", "b"], ["a", "c"]]'
+    for text in (
+        *("no json", "[]", '{"free": [1, 2]}', '{"left_out": 3}', '{"free": [["a", "b"], ["c"]]}'),
+        *(f'{{{two}, "heights": {held}}}' for held in ("3", "[1]", "[-5, 1e400]", "[99999999999, 5]")),
+    ):
         settings.set_arrangement("review", text)
         plots = FreePlots({}, {"one": "One"}, ("a", "b"))
         qtbot.addWidget(plots)
