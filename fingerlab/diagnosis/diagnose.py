@@ -36,6 +36,7 @@ from fingerlab.diagnosis.equations.model import Choice, build
 from fingerlab.diagnosis.fit.data import Weights
 from fingerlab.diagnosis.fit.run_spreads import find_constants
 from fingerlab.diagnosis.gram.reduction import Reduction
+from fingerlab.diagnosis.gram.sums import RunConstants
 from fingerlab.diagnosis.score.calibration import (
     NOTHING,
     UNKNOWN,
@@ -58,7 +59,14 @@ from fingerlab.diagnosis.search.grid_refinement import fit_refined, with_shapes_
 from fingerlab.diagnosis.search.next_effect import held_back
 from fingerlab.diagnosis.search.rivals import Rival, odds_of_rivals
 from fingerlab.diagnosis.search.strategy import Found, Question, Stages, search_effects
-from fingerlab.diagnosis.settings import FULL_ITERATIONS, NEARLY_RIGHT, RUN_LOG_ODDS, SET_LOG_ODDS, STILL_LEFT
+from fingerlab.diagnosis.settings import (
+    CONSTANTS_ROUNDS,
+    FULL_ITERATIONS,
+    NEARLY_RIGHT,
+    RUN_LOG_ODDS,
+    SET_LOG_ODDS,
+    STILL_LEFT,
+)
 from fingerlab.effects import effect, whole_catalogue
 from fingerlab.effects.base import Effect
 from fingerlab.sessions.model import Array, Session
@@ -190,26 +198,42 @@ def searched_again(question: Question, scorer: Scorer, found: Found) -> Found:
     """
     reduction, last = question.reduction, found.path[-1]
     before = reduction.constants
-    of = found.refined or scorer
-    reduction.constants = find_constants(
-        of.reduced,
-        last.model,
-        last.fit.values,
-        last.weights,
-        reduction.sessions[0].rig,
-        reduction.motions,
-        True,
-    )
+    reduction.constants = likeliest_constants(reduction, found.refined or scorer, last)
     if reduction.constants is None:
         reduction.constants = before
         return found
-    if found.many and not _take_up_most(of.with_constants(reduction.constants), last):
+    if found.many and not _take_up_most((found.refined or scorer).with_constants(reduction.constants), last):
         reduction.constants = before
         return found
     other = search_effects(question, scorer.with_constants(reduction.constants))
     if other.path[-1].misfit < STILL_LEFT * last.misfit:
         return other
     reduction.constants = before
+    return found
+
+
+def likeliest_constants(reduction: Reduction, scorer: Scorer, last: FittedModel) -> RunConstants | None:
+    """Constants of the runs by what a model misses on their averages; None: none that would matter.
+
+    A model that was fitted without them has bent to them, and misses less than they are. Beside them it is
+    fitted anew, and they are looked for again (expectation and maximisation in turn), until they stand.
+    """
+    found, fitted = None, last
+    for _ in range(CONSTANTS_ROUNDS):
+        again = find_constants(
+            scorer.reduced,
+            fitted.model,
+            fitted.fit.values,
+            fitted.weights,
+            reduction.sessions[0].rig,
+            reduction.motions,
+            True,
+        )
+        stands = found is not None and again is not None and np.array_equal(found.spreads, again.spreads)
+        if again is None or stands:
+            break
+        found = again
+        fitted = scorer.with_constants(found).fit_reweighted(last.choices, fitted)
     return found
 
 

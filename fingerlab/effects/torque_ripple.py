@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from fingerlab.effects.base import Effect, Example, Formula, Row, Shape, Term, plus
+from fingerlab.effects.base import Effect, Example, Formula, Row, Shape, Term
 from fingerlab.effects.transmission import drive_terms, pull_terms
 from fingerlab.physics.motion import LEAST_PERIODS, Motion, strongest_orders
 from fingerlab.physics.parameter import Limits, Parameter
@@ -73,7 +73,14 @@ def _closer(shape: Shape) -> Sequence[Shape]:
     return (shape,) if shape.get(WEIGHT) else _other_orders(shape)
 
 
-_other_orders = plus("order", tuple(k / 2 for k in range(-6, 7)))
+def _other_orders(shape: Shape) -> Sequence[Shape]:
+    """About the one found, and about its double.
+
+    On a grid what a line leaves beside it may pass for the double of another one: then that is the order, and
+    no way downhill leads from one line of a spectrum to the next.
+    """
+    near = [shape["order"] + k / 2 for k in range(-6, 7)]
+    return [{"order": order} for order in sorted({*near, *(2.0 * order for order in near)})]
 
 
 def _limits(shape: Shape) -> Limits | None:

@@ -109,14 +109,20 @@ def test_parts_of_the_score_sum_to_its_square() -> None:
             assert part.squared == pytest.approx(cable[part.runs[0]])
 
 
-def floors_of_runs(coefficients: Sequence[float]) -> tuple[dict[str, EquationError], float]:
-    """Floors of runs of one motion, by the motor's viscous friction in each, and their speed, rad/s."""
+def floors_of_runs(
+    coefficients: Sequence[float], constants: Sequence[float] = (0.0,) * 4
+) -> tuple[dict[str, EquationError], float]:
+    """Floors of runs of one motion, by the motor's viscous friction in each, and their speed, rad/s.
+
+    ``constants``: torque that the motor of each run gives beside, N m.
+    """
     runs = []
-    for number, coefficient in enumerate(coefficients):
+    for number, (coefficient, constant) in enumerate(zip(coefficients, constants, strict=True)):
         bench = made.Bench(missing=made.Missing(motor_viscous=coefficient))
         session = made.session(bench, number + 1, contact=0)
         told = {**session.runs[0].trajectory, "amplitude_deg": 20.0}
-        runs.append(replace(session.runs[0], name=f"{number + 1:03d}", trajectory=told))
+        run = made.with_motor_torque(session.runs[0], lambda _, constant=constant: constant)
+        runs.append(replace(run, name=f"{number + 1:03d}", trajectory=told))
     scorer = Scorer(reduce_sessions([replace(session, runs=tuple(runs))], []))
     found = scorer.score_held_out(scorer.fit_reweighted([]), residuals=True)
     speed = np.gradient(runs[0].channel("motor_position"), 1e-3)[2000:]
@@ -131,3 +137,12 @@ def test_what_runs_of_one_motion_differ_by_is_part_of_the_floor() -> None:
     found, speed = floors_of_runs(wandering)
     added = found["motor_torque"].floor ** 2 - steady["motor_torque"].floor ** 2
     assert np.sqrt(added) == pytest.approx(np.std(wandering, ddof=1) * speed, rel=0.15)
+
+
+def test_what_runs_of_one_motion_differ_by_on_their_averages_is_part_of_it() -> None:
+    """A torque that is another one in each run, as of a tip that was set down, adds its variance."""
+    held = (-2e-3, 1e-3, 3e-3, 0.0)
+    steady, _ = floors_of_runs([1.2e-3] * 4)
+    found, _ = floors_of_runs([1.2e-3] * 4, held)
+    added = found["motor_torque"].floor ** 2 - steady["motor_torque"].floor ** 2
+    assert np.sqrt(added) == pytest.approx(np.std(held, ddof=1), rel=0.05)

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fingerlab.diagnosis.diagnose import likeliest_constants
 from fingerlab.diagnosis.equations.features import Pick
 from fingerlab.diagnosis.fit.run_spreads import find_constants
 from fingerlab.diagnosis.gram.reduction import Reduction
@@ -83,3 +84,26 @@ def test_moved_zeros_are_told_from_an_offset_whatever_the_law_lacks(missing: mad
     assert drifting is not None
     assert 0.6 < drifting.spreads[2] / OFFSETS_NM.std(ddof=1) < 1.6
     assert drifting.spreads[0] == 0.0
+
+
+def test_an_offset_in_runs_that_repeat_no_motion_is_found_at_its_size() -> None:
+    """A model that was fitted without it has bent to it: what it misses at first is less."""
+    session = made.session(made.Bench(), 5, contact=0)
+    offsets = [-9e-3, 6e-3, -2e-3, 5e-3]
+    runs = [
+        made.with_motor_torque(session.runs[k], lambda _, offset=offset: offset)
+        for k, offset in zip((0, 3, 5, 7), offsets, strict=True)
+    ]
+    drifting = replace(session, runs=tuple(runs))
+    reduction = Reduction([drifting])
+    scorer = Scorer(reduction.of([]))
+    bare, rig = scorer.bare, session.rig
+    once = find_constants(
+        scorer.reduced, bare.model, bare.fit.values, bare.weights, rig, reduction.motions, alone=True
+    )
+    found = likeliest_constants(reduction, scorer, bare)
+    assert once is not None
+    assert found is not None
+    assert once.spreads[2] < found.spreads[2]
+    assert found.spreads[2] == pytest.approx(np.sqrt(np.mean(np.square(offsets))), rel=0.25)
+    assert found.spreads[[0, 1, 3]].tolist() == [0.0, 0.0, 0.0]

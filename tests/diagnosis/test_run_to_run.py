@@ -8,6 +8,7 @@ from scipy.optimize import minimize
 
 from fingerlab.diagnosis.equations.model import Choice, build
 from fingerlab.diagnosis.fit.data import Weighted, own_to_a_run
+from fingerlab.diagnosis.fit.own_parts import Own
 from fingerlab.diagnosis.fit.solver import Fitter
 from fingerlab.diagnosis.gram.reduction import reduce_sessions
 from fingerlab.diagnosis.gram.sums import Reduced
@@ -30,6 +31,36 @@ def test_the_share_that_a_run_has_of_its_own_minimises_misfit_and_cost(off: floa
     least = float(np.min(weight * (off - spread * x) ** 2 + x**2))
     found = explained(np.array([[spread]]), np.array([off]), one_column(weight))
     assert weight * off**2 - found == pytest.approx(least, rel=1e-4)
+
+
+@pytest.mark.parametrize("off", [(0.01, 0.0), (0.2, -0.05), (1.0, 1.5)])
+def test_what_a_run_has_of_its_own_goes_no_further_than_runs_differ_by(off: tuple[float, float]) -> None:
+    """What two parts leave, its slope and curvature: the least within their bounds by L-BFGS-B."""
+    bend = np.array([[1e4, 4e3], [4e3, 5e3]])
+    parts = 0.05 * np.diag(off)
+    across = (bend @ parts)[None]
+    own = Own(parts, np.array([0]), across, across, firmness=2.0, bound=3.0)
+
+    def left(told: np.ndarray) -> float:
+        def misfit(x: np.ndarray) -> float:
+            rest = told + parts @ x
+            return float(rest @ bend @ rest + 2.0 * x @ x)
+
+        found = minimize(misfit, np.zeros(2), method="L-BFGS-B", bounds=[(-3.0, 3.0)] * 2, tol=1e-15)
+        return float(found.fun)
+
+    told = np.array(off)
+    assert told @ bend @ told - own.explained(told) == pytest.approx(left(told), rel=1e-5)
+    slope, curvature = 2.0 * (bend - own.taken_up.matrix[0]) @ told, bend - own.taken_up.matrix[0]
+    beyond = own.beyond(told)
+    assert (beyond is not None) == (max(off) > 0.1)
+    if beyond is not None:
+        slope, curvature = slope + 2.0 * beyond.slope[0], curvature + beyond.along(np.eye(2)).matrix[0]
+    step = 1e-2 * told + 1e-4
+    change = left(told + step) - left(told - step)
+    assert change == pytest.approx(2.0 * slope @ step, rel=1e-3)
+    bent = left(told + step) + left(told - step) - 2.0 * left(told)
+    assert bent == pytest.approx(2.0 * step @ curvature @ step, rel=2e-2)
 
 
 @pytest.fixture(scope="module")

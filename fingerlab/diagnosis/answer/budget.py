@@ -28,7 +28,6 @@ import numpy as np
 from fingerlab.diagnosis.answer.errors import equation_errors, told_by_equations
 from fingerlab.diagnosis.answer.results import Budget, BudgetPart, EquationError, PathStep
 from fingerlab.diagnosis.equations.parameters import CABLE_OFFSET, LOSSES, TORQUE_ZERO
-from fingerlab.diagnosis.fit.noise import misfit_floor
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.settings import FULL_ITERATIONS
@@ -61,7 +60,8 @@ def error_budget(
     seen = _squares(scorer, scorer.residuals_in_sample(last))
     alike = _squares(scorer, scorer.residuals_in_sample(last, own=True))
     floors = {
-        name: error.floor**2 for name, error in equation_errors(scorer.reduced, last, misfit_floor).items()
+        name: error.floor**2
+        for name, error in equation_errors(scorer.reduced, last, cycles_alone=True).items()
     }
     falls = _in_any_order(scorer, models, levels, steps)
     spreads = _spreads(scorer, last)

@@ -283,7 +283,8 @@ def _comparisons(
 ) -> list[Comparison]:
     present = [row for row in Row if np.any(fitted.model.rows == row)]
     residuals = {row: _residual(fitted, group, kept, row, offsets) for row in present}
-    noise = floor_covariance(fitted.model, fitted.fit.values, group, fitted.weights[group.key])
+    of = fitted.model, fitted.fit.values, group, fitted.weights[group.key]
+    noise = floor_covariance(*of, reduced.constants)
 
     def one(equation: str, measured: Array, modelled: Array, unit: str, variance: float) -> Comparison:
         return Comparison(

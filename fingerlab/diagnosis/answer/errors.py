@@ -7,7 +7,7 @@ with it held would. Errors are those on all runs, under the weights of the fit; 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -50,18 +50,19 @@ FAMILY_UNITS = {"joint_torque": "N m", "cable_kinematics": "m", "motor_torque": 
 
 
 def equation_errors(
-    reduced: Reduced, fitted: FittedModel, floor_of: Callable[..., Array] = floor_covariance
+    reduced: Reduced, fitted: FittedModel, cycles_alone: bool = False
 ) -> dict[str, EquationError]:
     """RMSE, R2 and floor of each family on held-out runs.
 
     Args:
         fitted: scored with :meth:`Scorer.score_held_out`.
-        floor_of: ``floor_covariance``, or ``misfit_floor`` for what differs from cycle to cycle alone.
+        cycles_alone: a floor of what differs from cycle to cycle, without what runs differ by.
     """
     sums: dict[str, Array] = {}
     for group in reduced.groups:
         residual = fitted.residuals[group.key]
-        noise = floor_of(fitted.model, fitted.fit.values, group, fitted.weights[group.key])
+        of = fitted.model, fitted.fit.values, group, fitted.weights[group.key]
+        noise = misfit_floor(*of) if cycles_alone else floor_covariance(*of, reduced.constants)
         for family, values in _families(reduced, fitted, group, residual, noise).items():
             sums[family] = sums.get(family, np.zeros(4)) + group.samples * np.array([*values, 1.0])
     result = {}

@@ -97,6 +97,15 @@ class Gathered:
         still, quiet, slack = (None if a is None else a[fold] for a in (self.still, self.quiet, self.slack))
         return Gathered(self.raw[fold], self.clean[fold], still, quiet, slack)
 
+    def of(self, folds: IntArray, columns: IntArray) -> Gathered:
+        """Of some of several folds, the products of all features with some."""
+        among = folds[:, None, None], np.arange(self.raw.shape[1])[None, :, None], columns[None, None, :]
+        parts = (self.raw, self.clean, self.still, self.quiet, self.slack)
+        raw, clean, still, quiet, slack = (None if a is None else a[among] for a in parts)
+        assert raw is not None
+        assert clean is not None
+        return Gathered(raw, clean, still, quiet, slack)
+
     @property
     def bytes(self) -> int:
         """That it takes."""

@@ -23,7 +23,7 @@ from fingerlab.diagnosis.equations.features import NO_SHIFT, BoolArray, IntArray
 from fingerlab.diagnosis.equations.model import Model
 from fingerlab.diagnosis.equations.parameters import RUBS, SLIPS
 from fingerlab.diagnosis.gram.state_law import left_out_covariance
-from fingerlab.diagnosis.gram.sums import Group, Reduced
+from fingerlab.diagnosis.gram.sums import Group, Reduced, RunConstants
 from fingerlab.diagnosis.settings import (
     LEAST_DEPTH_SPREAD_M,
     LEAST_LENGTH_SPREAD_M,
@@ -215,10 +215,15 @@ def noise_covariance(model: Model, values: Array, group: Group) -> Array:
     return row_covariance(model, values, group, model.pick.among(group.noise), group.noise_samples)
 
 
-def scatter_of_runs(model: Model, values: Array, group: Group) -> Array:
+def scatter_of_runs(model: Model, values: Array, group: Group, means: bool = True) -> Array:
     """Covariance (5, 5) of what runs told the same motion leave differently, of one sample, less the noise.
 
-    Means over a run are no part of it: they may be a zero's. Nor is what a cable that hangs loose leaves.
+    What a cable that hangs loose leaves is no part of it.
+
+    Args:
+        means: whether what the runs leave on their averages counts. A tip holds a torque by the way in which
+            it was set down, and a joint by that on which it came to rest, which no channel tells. Not where
+            the runs' zeros are taken off what is left.
     """
     found, contrasts = np.zeros((len(Row), len(Row))), 0
     h = model.features(values, group)
@@ -227,6 +232,7 @@ def scatter_of_runs(model: Model, values: Array, group: Group) -> Array:
     noise = noise_covariance(model, values, group)
     for runs in group.repeated_cycles:
         told = np.stack([spread[one.live].T @ one.harmonics for one in runs])  # (runs, equations, harmonics)
+        told = told if means else told[:, :, 1:]
         apart = told - told.mean(axis=0)
         expected = (len(runs) - 1) * told.shape[2] * noise
         found += (np.einsum("rik,rjk->ij", apart, apart) - expected) / runs[0].samples
@@ -239,13 +245,18 @@ def scatter_of_runs(model: Model, values: Array, group: Group) -> Array:
     return np.asarray((directions * np.maximum(sizes, 0.0)) @ directions.T)
 
 
-def floor_covariance(model: Model, values: Array, group: Group, weights: Array) -> Array:
+def floor_covariance(
+    model: Model, values: Array, group: Group, weights: Array, constants: RunConstants | None = None
+) -> Array:
     """Covariance (5, 5) of what no model can better, of one sample: of noise, and of what runs differ by.
 
     A score's misfit allows for that of a friction that wanders by itself, see ``own_to_a_run``.
+
+    Args:
+        constants: of the runs, that are taken off what is left; None: there are none.
     """
     floor = misfit_floor(model, values, group, weights)
-    return floor + scatter_of_runs(model, values, group) if group.repeats else floor
+    return floor + scatter_of_runs(model, values, group, constants is None) if group.repeats else floor
 
 
 def misfit_floor(model: Model, values: Array, group: Group, weights: Array) -> Array:

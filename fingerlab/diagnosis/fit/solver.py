@@ -6,6 +6,7 @@ from the friction's size, so that size is found first.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
@@ -26,6 +27,7 @@ from fingerlab.diagnosis.fit.data import (
     own_to_a_run,
     temperature,
 )
+from fingerlab.diagnosis.fit.own_parts import Beyond, Own
 from fingerlab.diagnosis.gram.sums import taken_up, taken_up_by_folds
 from fingerlab.diagnosis.settings import (
     LEAST_GAIN,
@@ -83,19 +85,6 @@ class LeftOut:
     free: BoolArray
 
 
-@dataclass(frozen=True)
-class Own:
-    """What runs of one condition have of their own.
-
-    Attributes:
-        parts: what one standard deviation of each adds to the features, (k, parts).
-        folds: numbers of the folds that hold these runs, in order.
-    """
-
-    parts: Array
-    folds: IntArray
-
-
 class Fitter:
     """Fits one model; keeps the weighted Gram matrices that all its iterations share."""
 
@@ -114,7 +103,6 @@ class Fitter:
         self._held: list[Array | None] = [None] * len(data.groups)
         self.wanders = bool(model.wandering) or bool(model.set_down.any())
         self._own: dict[int, list[Own]] = {}  # by group
-        self._taken_up: dict[int, tuple[IntArray, Weighted]] = {}
         self._still: dict[int, Array] = {}
         self._weight: dict[int, Array] = {}
         self._change: dict[int, Array] = {}
@@ -128,47 +116,32 @@ class Fitter:
         found = []
         for i in range(len(self.data.groups)):
             whole = self.part(i, None)
-            if i in self._own:
-                taken = self._of_the_runs(i)[1]
-                whole = Weighted(
-                    whole.curvature - taken.curvature.sum(axis=0), whole.matrix - taken.matrix.sum(axis=0)
-                )
+            for one in self._own.get(i, ()):  # integrated out as a Gaussian: it tells nothing of other runs
+                taken = one.taken_up_together
+                whole = Weighted(whole.curvature - taken.curvature, whole.matrix - taken.matrix)
             found.append(whole)
         return found
 
     def _weighed(self, own: dict[int, list[Own]], told: Array) -> dict[int, list[Own]]:
-        """The runs' own parts, the smaller the more the model leaves all the same.
+        """The runs' own parts, held the more firmly the more the model leaves all the same.
 
         What weighs less than its face value must not be bought with a friction of each run's own.
         """
         groups = self.data.groups
-        left = sum(float(h @ sums.matrix @ h) for h, sums in zip(told, self.sums, strict=True))
+        left = sum(float(h @ self.part(i, None).matrix @ h) for i, h in enumerate(told))
+        left -= sum(one.explained(told[i]) for i, each in own.items() for one in each)
         heat = temperature(left, EFFECTIVE_SHARE * sum(g.equations * g.samples for g in groups))
-        return {i: [Own(one.parts / np.sqrt(heat), one.folds) for one in each] for i, each in own.items()}
-
-    def _of_the_runs(self, i: int) -> tuple[IntArray, Weighted]:
-        """Folds of group ``i`` whose runs have parts of their own, (n,), and what those take up, (n, k, k).
-
-        It is integrated out as a Gaussian: what is one run's friction alone tells nothing of the others.
-        """
-        if i not in self._taken_up:
-            own, sums = self._own[i], self.folds(i)
-            each = [_taken_up_by(one.parts, sums[one.folds]) for one in own]
-            numbers = np.concatenate([one.folds for one in own])
-            order = np.argsort(numbers)
-            curvature, matrix = (np.concatenate(parts)[order] for parts in zip(*each, strict=True))
-            self._taken_up[i] = numbers[order], Weighted(curvature, matrix)
-        return self._taken_up[i]
+        return {i: [replace(one, firmness=heat) for one in each] for i, each in own.items()}
 
     def _seen(self, i: int) -> Weighted:
         """Weighted products over every fold as they count in those of the group, (folds, k, k)."""
         sums = self.folds(i)
         if i not in self._own:
             return sums
-        numbers, taken = self._of_the_runs(i)
         seen = Weighted(sums.curvature.copy(), sums.matrix.copy())
-        seen.curvature[numbers] -= taken.curvature
-        seen.matrix[numbers] -= taken.matrix
+        for one in self._own[i]:
+            seen.curvature[one.folds] -= one.taken_up.curvature
+            seen.matrix[one.folds] -= one.taken_up.matrix
         return seen
 
     def stacked(self) -> Weighted:
@@ -210,9 +183,13 @@ class Fitter:
 
     def _weighted(self, i: int, gathered: Gathered) -> Weighted:
         """What was gathered in group ``i``, weighted."""
+        return self.data.weighted(gathered, self.model, self._weight_of(i), partial(self._less, i))
+
+    def _weight_of(self, i: int) -> Array:
+        """Weight of each product of the model's features in group ``i``, (k, k)."""
         if i not in self._weight:
             self._weight[i] = self._of_products(self.weights[self.data.groups[i].key])
-        return self.data.weighted(gathered, self.model, self._weight[i], partial(self._less, i))
+        return self._weight[i]
 
     def _by_constants(self, i: int) -> tuple[Array, Array] | None:
         """How well the constants of a group's runs are known, and the features' products with them."""
@@ -250,7 +227,6 @@ class Fitter:
             return
         told = self.model.features_of(values, self._cables)
         self._stacked = self._whole = None
-        self._taken_up.clear()
         if self.sticks:
             found = [
                 self.data.held(i, self.model, told[i], self.weights[g.key])
@@ -267,30 +243,34 @@ class Fitter:
             self._own = self._own_parts(values, told, trusted)
             if not trusted:
                 self._own = self._weighed(self._own, told)
-                self._taken_up.clear()
 
-    def _own_parts(self, values: Array, told: Array, every: bool) -> dict[int, list[Own]]:
+    def _own_parts(self, values: Array, told: Array, trusted: bool) -> dict[int, list[Own]]:
         """What the runs have of their own, by group; no group is there without any.
 
-        Unless ``every`` run's are wanted, not where one would have to be beyond what is plausible: a friction
-        that differs more from run to run follows something that the model lacks.
+        ``trusted``: however far it would go.
         """
         result: dict[int, list[Own]] = {}
         for i, group in enumerate(self.data.groups):
             for condition in group.conditions:
                 parts = own_to_a_run(self.model, values, told[i], group, condition)
                 folds = np.array(group.of_condition(condition))
-                if parts.shape[1] and not every:
-                    folds = folds[self._are_plausible(self.folds(i)[folds], parts, told[i])]
                 if parts.shape[1] and len(folds):
-                    result.setdefault(i, []).append(Own(parts, folds))
+                    curved, pulled = self._across(i, parts, folds)
+                    bound = np.inf if trusted else MOST_WANDER
+                    result.setdefault(i, []).append(Own(parts, folds, curved, pulled, 1.0, bound))
         return result
 
-    def _are_plausible(self, sums: Weighted, own: Array, told: Array) -> BoolArray:
-        """Whether the run of each fold would differ by no more of its own parts than runs do, (folds,)."""
-        stiffness = own.T @ sums.curvature @ own + np.eye(own.shape[1])
-        found = np.linalg.solve(stiffness, (own.T @ sums.matrix @ told)[:, :, None])
-        return np.asarray(np.abs(found).max(axis=(1, 2)) <= MOST_WANDER)
+    def _across(self, i: int, parts: Array, folds: IntArray) -> tuple[Array, Array]:
+        """Products of the features with some parts over folds of group ``i``, (folds, k, parts) each."""
+        if i in self._folds or self.data.constants is not None or len(self.data.groups[i].folds) == 1:
+            sums = self.folds(i)[folds]
+            return sums.curvature @ parts, sums.matrix @ parts
+        live = np.flatnonzero(parts.any(axis=1))  # few: those of frictions
+        gathered = self.data.gathered_folds(i, self.model).of(folds, live)
+        sums = self.data.weighted(
+            gathered, self.model, self._weight_of(i)[:, live], lambda: self._less(i)[:, live]
+        )
+        return sums.curvature @ parts[live], sums.matrix @ parts[live]
 
     def coefficients(self, values: Array) -> tuple[Array, Array]:
         """Of the model's features for every group, (groups, k), with their derivatives, (groups, k, p)."""
@@ -301,10 +281,11 @@ class Fitter:
         result = float(np.sum((values - self._mean) ** 2 * self._stiffness))
         if self.model.tie is not None:
             result += self.model.tie.cost(values)
-        for h, matrix in zip(
-            self.model.features_of(values, self._cables), self.stacked().matrix, strict=True
-        ):
+        told = self.model.features_of(values, self._cables)
+        for h, matrix in zip(told, self.stacked().matrix, strict=True):
             result += float(h @ matrix @ h)
+        for i, each in self._own.items():
+            result += sum(one.misfit_beyond(told[i]) for one in each)
         return result
 
     def _prior_weight(self) -> Array:
@@ -399,6 +380,9 @@ class Fitter:
                 jacobian.T @ (sums.curvature @ jacobian)
                 for jacobian, sums in zip(jacobians, each, strict=True)
             ]
+            for i, one in self._beyond(features):
+                pulls[i][one.folds] += one.slope @ jacobians[i]
+                bends[i][one.folds] += one.along(jacobians[i]).curvature
             self._whole = values, list(zip(pulls, bends, strict=True)), self.normal_equations(values)
         _, folds, (gradient, information) = self._whole
         for group, (pull, bend) in zip(self.data.groups, folds, strict=True):
@@ -436,11 +420,19 @@ class Fitter:
         across = jacobian.reshape(-1, len(values)).T
         slopes = (sums.matrix @ jacobian).reshape(-1, len(values))
         bent = (sums.curvature @ jacobian).reshape(-1, len(values))
-        return gradient + h.reshape(-1) @ slopes, information + across @ bent, information + across @ slopes
+        gradient = gradient + h.reshape(-1) @ slopes
+        information, bend = information + across @ bent, information + across @ slopes
+        for i, one in self._beyond(h):
+            along = one.along(jacobian[i])
+            gradient = gradient + one.slope.sum(axis=0) @ jacobian[i]
+            information = information + along.curvature.sum(axis=0)
+            bend = bend + along.matrix.sum(axis=0)
+        return gradient, information, bend
 
-
-def _taken_up_by(own: Array, sums: Weighted) -> tuple[Array, Array]:
-    """What own parts, (k, parts), take up of curvature and matrix over some folds, (folds, k, k) each."""
-    curved, pulled = sums.curvature @ own, sums.matrix @ own
-    inverse = np.linalg.inv(own.T @ curved + np.eye(own.shape[1]))
-    return curved @ inverse @ curved.transpose(0, 2, 1), pulled @ inverse @ pulled.transpose(0, 2, 1)
+    def _beyond(self, told: Array) -> Iterator[tuple[int, Beyond]]:
+        """What the bounds of the runs' own parts add, with the number of their group."""
+        for i, each in self._own.items():
+            for one in each:
+                found = one.beyond(told[i])
+                if found is not None:
+                    yield i, found

@@ -168,7 +168,7 @@ def run_sums(
             told = told_frequency(run)
             if told is not None:
                 stretch = told, float(low.time[0]), float(low.time[-1]), len(low.time)
-                result.cycles.append(Cycle(stretch, low.live + asked.start, cyclic[:, 1:]))
+                result.cycles.append(Cycle(stretch, low.live + asked.start, cyclic))
         result.encoder_variance = (motion.radius * motion.position_step) ** 2 / 12.0
         of_a_step = motion.position_step**2 / 12.0
         result.encoder_noise = tuple(of_a_step * one for one in noise_of_derivatives(run.sample_rate_hz))

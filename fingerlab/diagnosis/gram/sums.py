@@ -335,12 +335,13 @@ class Part:
 
 @dataclass(frozen=True)
 class Cycle:
-    """What comes again in a stretch of a run, as harmonics of its cycle, without its mean.
+    """What comes again in a stretch of a run: its mean, and the harmonics of its cycle.
 
     Attributes:
         stretch: frequency, Hz, first and last sample, s, and number of samples: those of two runs can be
             compared where these agree.
-        live: signals that are not all zero. harmonics: of these, orthonormal over the samples, (live, k).
+        live: signals that are not all zero. harmonics: of these, orthonormal over the samples, (live, k);
+            the first is the mean's.
     """
 
     stretch: tuple[float, float, float, int]

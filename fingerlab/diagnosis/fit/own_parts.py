@@ -1,0 +1,184 @@
+"""What every run has of its own: how its friction differs from the others', how its tip was set down.
+
+It is integrated out of a fit as a Gaussian, for it tells nothing of the other runs, but goes no further than
+runs differ by: a friction that does follows something that the model lacks. Beyond its bound a run's part
+stays where the bound is, and what it would explain pulls at the model; misfit and slope are smooth there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from fingerlab.diagnosis.equations.features import BoolArray, IntArray
+from fingerlab.diagnosis.fit.data import Weighted
+from fingerlab.diagnosis.settings import PIVOTING_ROUNDS, SWEEPS
+from fingerlab.sessions.model import Array
+
+
+@dataclass(frozen=True)
+class Beyond:
+    """What the bounds of some runs' parts add to what these leave, as half a slope and half a curvature.
+
+    Attributes:
+        folds: that hold these runs, (n,).
+        slope: by the features' coefficients, (n, k).
+        curved, pulled: products of the features with the parts, (n, k, parts), with noise and without.
+        give: what the parts would yield more without bounds, (n, parts, parts).
+    """
+
+    folds: IntArray
+    slope: Array
+    curved: Array
+    pulled: Array
+    give: Array
+
+    def along(self, jacobian: Array) -> Weighted:
+        """Curvature and matrix of each fold along some derivatives of the coefficients, (k, p): (n, p, p)."""
+        return Weighted(*(self._along(across, jacobian) for across in (self.curved, self.pulled)))
+
+    def _along(self, across: Array, jacobian: Array) -> Array:
+        mine = across.transpose(0, 2, 1) @ jacobian
+        return np.asarray(mine.transpose(0, 2, 1) @ (self.give @ mine))
+
+
+@dataclass(frozen=True)
+class Own:
+    """What runs of one condition have of their own.
+
+    Attributes:
+        parts: what one standard deviation of each adds to the features, (k, parts).
+        folds: numbers of the folds that hold these runs, in order.
+        curved, pulled: products of the features with these parts over every fold, (folds, k, parts), with
+            noise and without.
+        firmness: with which each part is held near zero: 1 at face value.
+        bound: standard deviations that a part is off zero at most.
+    """
+
+    parts: Array
+    folds: IntArray
+    curved: Array
+    pulled: Array
+    firmness: float
+    bound: float
+
+    @cached_property
+    def bowl(self) -> Array:
+        """Curvature along the parts of a run's misfit and of what holds them, (folds, parts, parts)."""
+        return np.asarray(self.parts.T @ self.curved + self.firmness * np.eye(self.parts.shape[1]))
+
+    @cached_property
+    def inverse(self) -> Array:
+        """... inverted."""
+        return np.asarray(np.linalg.inv(self.bowl))
+
+    @cached_property
+    def _wanted(self) -> Array:
+        """What every part would be without bounds, by the features' coefficients, (folds * parts, k)."""
+        size = self.pulled.shape[1]
+        return np.asarray(self.inverse @ self.pulled.transpose(0, 2, 1)).reshape(-1, size)
+
+    @cached_property
+    def taken_up(self) -> Weighted:
+        """What they take up of curvature and matrix of every fold without bounds, (folds, k, k)."""
+        curved, pulled = self.curved, self.pulled
+        return Weighted(
+            curved @ self.inverse @ curved.transpose(0, 2, 1),
+            pulled @ self.inverse @ pulled.transpose(0, 2, 1),
+        )
+
+    @cached_property
+    def taken_up_together(self) -> Weighted:
+        """The same of all folds, (k, k)."""
+        return Weighted(self._together(self.curved), self._together(self.pulled))
+
+    def _together(self, across: Array) -> Array:
+        size = across.shape[1]
+        mine, theirs = (one.transpose(1, 0, 2).reshape(size, -1) for one in (across @ self.inverse, across))
+        return np.asarray(mine @ theirs.T)
+
+    def explained(self, told: Array) -> float:
+        """What of the misfit of all its runs they take up at these coefficients of the features, (k,)."""
+        wanted = self._wanted @ told
+        taken = float(np.sum(wanted * (told @ self.pulled).reshape(-1)))
+        return taken - self.misfit_beyond(told)
+
+    def misfit_beyond(self, told: Array) -> float:
+        """What the bounds add to what all runs leave."""
+        found = self._stand(told)
+        if found is None:
+            return 0.0
+        far, short, _ = found
+        return float(np.sum(short * _times(self.bowl[far], short)))
+
+    def beyond(self, told: Array) -> Beyond | None:
+        """The same as slope and curvature; None where no part would go further than its bound."""
+        found = self._stand(told)
+        if found is None:
+            return None
+        far, short, free = found
+        both = free[:, :, None] & free[:, None, :]
+        moving = np.where(both, np.linalg.inv(np.where(both, self.bowl[far], np.eye(short.shape[1]))), 0.0)
+        curved, pulled = self.curved[far], self.pulled[far]
+        slope = (pulled @ short[:, :, None])[:, :, 0]
+        return Beyond(self.folds[far], slope, curved, pulled, self.inverse[far] - moving)
+
+    def _stand(self, told: Array) -> tuple[IntArray, Array, BoolArray] | None:
+        """Of the runs with a part at its bound, their places, (n,); how far each part falls short of what it
+        would be without bounds, and which parts are at none, (n, parts) each."""
+        wanted = (self._wanted @ told).reshape(len(self.folds), -1)
+        far = np.flatnonzero(np.abs(wanted).max(axis=1) > self.bound)
+        if not len(far):
+            return None
+        stands = within_bounds(self.bowl[far], wanted[far], self.bound)
+        return far, wanted[far] - stands, np.abs(stands) < self.bound
+
+
+def within_bounds(bowl: Array, lowest: Array, bound: float) -> Array:
+    """Where some bowls are lowest within ``bound`` of zero on each axis, (n, parts).
+
+    All wrong bounds are exchanged at once (block principal pivoting, Judice and Pires 1994); what does not
+    settle is led down one axis after the other, in turn.
+
+    Args:
+        bowl: their curvatures, (n, parts, parts). lowest: where they are lowest of all, (n, parts).
+    """
+    sides = np.sign(lowest) * (np.abs(lowest) > bound)
+    found, open_ = np.clip(lowest, -bound, bound), np.arange(len(lowest))
+    for _ in range(PIVOTING_ROUNDS):
+        mine, held = bowl[open_], sides[open_] != 0.0
+        at = bound * sides[open_]
+        free = ~held[:, :, None] & ~held[:, None, :]
+        pull = np.where(held, 0.0, _times(mine, lowest[open_] - at))
+        at += np.linalg.solve(np.where(free, mine, np.eye(mine.shape[1])), pull[:, :, None])[:, :, 0]
+        outward = _times(mine, lowest[open_] - at) * sides[open_] >= 0.0
+        now = np.where(held, np.where(outward, sides[open_], 0.0), np.sign(at) * (np.abs(at) > bound))
+        settled = np.all(now == sides[open_], axis=1)
+        found[open_[settled]] = at[settled]
+        sides[open_] = now
+        open_ = open_[~settled]
+        if not len(open_):
+            return found
+    found[open_] = _axis_by_axis(bowl[open_], lowest[open_], bound)
+    return found
+
+
+def _axis_by_axis(bowl: Array, lowest: Array, bound: float) -> Array:
+    """The same by Gauss and Seidel's way, projected."""
+    found = np.clip(lowest, -bound, bound)
+    pull = _times(bowl, lowest)
+    for _ in range(SWEEPS):
+        before = found.copy()
+        for k in range(found.shape[1]):
+            rest = pull[:, k] - np.einsum("nj,nj->n", bowl[:, k], found)
+            found[:, k] = np.clip(found[:, k] + rest / bowl[:, k, k], -bound, bound)
+        if np.abs(found - before).max() < 1e-6:
+            break
+    return found
+
+
+def _times(matrices: Array, vectors: Array) -> Array:
+    """Of each of some matrices with its vector, (n, parts)."""
+    return np.asarray((matrices @ vectors[:, :, None])[:, :, 0])
