@@ -80,7 +80,8 @@ def _other_orders(shape: Shape) -> Sequence[Shape]:
     no way downhill leads from one line of a spectrum to the next.
     """
     near = [shape["order"] + k / 2 for k in range(-6, 7)]
-    return [{"order": order} for order in sorted({*near, *(2.0 * order for order in near)})]
+    doubles = [2.0 * order for order in near if 2.0 * order <= RIPPLE_ORDERS[-1]]
+    return [{"order": order} for order in sorted({*near, *doubles})]
 
 
 def _limits(shape: Shape) -> Limits | None:
@@ -97,8 +98,8 @@ def _of_an_axis(shape: Shape) -> str:
 
 
 def _turning(motion: Motion, order: float) -> Any:
-    """exp(i order position), complex (n,); from the order two below, which costs a tenth of a sine."""
-    if order <= RIPPLE_ORDERS[0] or order % 2:
+    """exp(i order position), complex (n,); from the usual order two below, which costs a tenth of a sine."""
+    if order <= RIPPLE_ORDERS[0] or order % 2 or order > 2 * RIPPLE_ORDERS[-1]:
         return motion.remember(("turning", order), lambda: np.exp(1j * order * motion.position))
     step = motion.remember(("turning", 2), lambda: np.exp(2j * motion.position))
     return motion.remember(("turning", order), lambda: _turning(motion, order - 2) * step)

@@ -41,6 +41,8 @@ def source_files() -> set[str]:
             wanted = (
                 path.suffix == ".py" or folder == "resources" or (folder == "docs" and path.suffix in pages)
             )
+            if path.is_relative_to(ROOT / "docs/images/points"):
+                continue  # the window at every size, for those who develop it: 7 MB that no page shows
             if path.is_file() and wanted and "__pycache__" not in path.parts:
                 found.add(f"{inside}/{path.relative_to(ROOT / folder).as_posix()}")
     return found

@@ -54,7 +54,7 @@ class Own:
         curved, pulled: products of the features with these parts over every fold, (folds, k, parts), with
             noise and without.
         firmness: with which each part is held near zero: 1 at face value.
-        bound: standard deviations that a part is off zero at most.
+        bound: standard deviations, at face value, that a part is off zero at most.
     """
 
     parts: Array

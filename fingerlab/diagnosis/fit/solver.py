@@ -131,7 +131,8 @@ class Fitter:
         left = sum(float(h @ self.part(i, None).matrix @ h) for i, h in enumerate(told))
         left -= sum(one.explained(told[i]) for i, each in own.items() for one in each)
         heat = temperature(left, EFFECTIVE_SHARE * sum(g.equations * g.samples for g in groups))
-        return {i: [replace(one, firmness=heat) for one in each] for i, each in own.items()}
+        bound = MOST_WANDER / np.sqrt(heat)  # of the narrower distribution, too
+        return {i: [replace(one, firmness=heat, bound=bound) for one in each] for i, each in own.items()}
 
     def _seen(self, i: int) -> Weighted:
         """Weighted products over every fold as they count in those of the group, (folds, k, k)."""
