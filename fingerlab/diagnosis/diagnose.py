@@ -202,7 +202,7 @@ def searched_again(question: Question, scorer: Scorer, found: Found) -> Found:
     if reduction.constants is None:
         reduction.constants = before
         return found
-    if found.many and not _take_up_most((found.refined or scorer).with_constants(reduction.constants), last):
+    if not _take_up_most((found.refined or scorer).with_constants(reduction.constants), last):
         reduction.constants = before
         return found
     other = search_effects(question, scorer.with_constants(reduction.constants))
