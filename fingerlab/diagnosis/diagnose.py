@@ -197,50 +197,35 @@ def searched_again(question: Question, scorer: Scorer, found: Found) -> Found:
     hidden by those; and only if that leaves far less.
     """
     reduction, last = question.reduction, found.path[-1]
-    before = reduction.constants
-    reduction.constants = likeliest_constants(reduction, found.refined or scorer, last)
-    if reduction.constants is None:
-        reduction.constants = before
+    constants, beside = likeliest_constants(reduction, found.refined or scorer, last)
+    if constants is None or not beside.misfit < STILL_LEFT * last.misfit:
         return found
-    if not _take_up_most((found.refined or scorer).with_constants(reduction.constants), last):
-        reduction.constants = before
-        return found
-    other = search_effects(question, scorer.with_constants(reduction.constants))
+    before, reduction.constants = reduction.constants, constants
+    other = search_effects(question, scorer.with_constants(constants))
     if other.path[-1].misfit < STILL_LEFT * last.misfit:
         return other
     reduction.constants = before
     return found
 
 
-def likeliest_constants(reduction: Reduction, scorer: Scorer, last: FittedModel) -> RunConstants | None:
-    """Constants of the runs by what a model misses on their averages; None: none that would matter.
+def likeliest_constants(
+    reduction: Reduction, scorer: Scorer, last: FittedModel
+) -> tuple[RunConstants | None, FittedModel]:
+    """Constants of the runs by what a model misses on their averages, and the model beside them, held out.
 
     A model that was fitted without them has bent to them, and misses less than they are. Beside them it is
     fitted anew, and they are looked for again (expectation and maximisation in turn), until they stand.
+    None: there are none that would matter.
     """
-    found, fitted = None, last
+    found, rig, fitted = None, reduction.sessions[0].rig, last
     for _ in range(CONSTANTS_ROUNDS):
-        again = find_constants(
-            scorer.reduced,
-            fitted.model,
-            fitted.fit.values,
-            fitted.weights,
-            reduction.sessions[0].rig,
-            reduction.motions,
-            True,
-        )
-        stands = found is not None and again is not None and np.array_equal(found.spreads, again.spreads)
-        if again is None or stands:
+        of_model = fitted.model, fitted.fit.values, fitted.weights
+        again = find_constants(scorer.reduced, *of_model, rig, reduction.motions, alone=True)
+        if again is None or (found is not None and np.array_equal(found.spreads, again.spreads)):
             break
-        found = again
-        fitted = scorer.with_constants(found).fit_reweighted(last.choices, fitted)
-    return found
-
-
-def _take_up_most(scorer: Scorer, fitted: FittedModel) -> bool:
-    """Whether the constants of the runs explain most of what a model misses that was found without them."""
-    beside = scorer.fit_reweighted(fitted.choices, fitted)
-    return scorer.score_held_out(beside).misfit < STILL_LEFT * fitted.misfit
+        found, beside = again, scorer.with_constants(again)
+        fitted = beside.score_held_out(beside.fit_reweighted(last.choices, fitted))
+    return found, fitted
 
 
 def _answer(question: Question, found: Found, display: Display | None, started: float) -> Diagnosis:

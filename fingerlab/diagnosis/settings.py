@@ -242,7 +242,6 @@ SPREADS = (1e-5, 0.5)
 the scale of the thesis' motor; assumed."""
 SPREAD_STEPS = 29
 """Steps of that grid, a factor of 1.5 each: a spread need not be known better to be integrated out."""
-
 CONSTANTS_ROUNDS = 6
 """Times that constants of runs are looked for, at most: each round a model that was fitted beside the last
 ones bends less to them; three to five are enough."""
@@ -270,8 +269,6 @@ SIMPLER_FIRST = 2.0
 """What a gain costs of which the data tell nothing: the simpler effect comes first, both are in the set."""
 SETTLING_ITERATIONS = 4
 """With fewer, a fit only looks round, and friction at rest is taken as it was at the start."""
-SWEEPS = 50
-"""Turns in which the parts of a run are moved within their bounds, at most; half a dozen are enough."""
 LEAST_GAIN = 1e-3
 """A step that lowers the cost by less than this is the last; the cost is twice a log probability."""
 LEAST_GAIN_SHARE = 1e-6

@@ -70,15 +70,13 @@ def orders_seen(motions: Sequence[Motion]) -> tuple[Shape, ...]:
 
 
 def _closer(shape: Shape) -> Sequence[Shape]:
-    return (shape,) if shape.get(WEIGHT) else _other_orders(shape)
-
-
-def _other_orders(shape: Shape) -> Sequence[Shape]:
-    """About the one found, and about its double.
+    """About the order found, and about its double as far as usual orders go.
 
     On a grid what a line leaves beside it may pass for the double of another one: then that is the order, and
     no way downhill leads from one line of a spectrum to the next.
     """
+    if shape.get(WEIGHT):
+        return (shape,)
     near = [shape["order"] + k / 2 for k in range(-6, 7)]
     doubles = [2.0 * order for order in near if 2.0 * order <= RIPPLE_ORDERS[-1]]
     return [{"order": order} for order in sorted({*near, *doubles})]

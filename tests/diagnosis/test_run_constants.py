@@ -101,7 +101,7 @@ def test_an_offset_in_runs_that_repeat_no_motion_is_found_at_its_size() -> None:
     once = find_constants(
         scorer.reduced, bare.model, bare.fit.values, bare.weights, rig, reduction.motions, alone=True
     )
-    found = likeliest_constants(reduction, scorer, bare)
+    found, _ = likeliest_constants(reduction, scorer, bare)
     assert once is not None
     assert found is not None
     assert once.spreads[2] < found.spreads[2]

@@ -102,7 +102,7 @@ def _group(
         "encoder variance": float(group.encoder_variance),
         "weights": weights.tolist(),
         "noise covariance": noise_covariance(model, values, group).tolist(),
-        "floor covariance": floor_covariance(model, values, group, weights).tolist(),
+        "floor covariance": floor_covariance(model, values, group, weights, means=True).tolist(),
         "residuals": fitted.residuals[group.key].tolist(),
     }
 

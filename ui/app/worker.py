@@ -6,13 +6,10 @@ The work is a plain function that knows nothing of Qt. It is called with two fun
 
 from __future__ import annotations
 
-import ctypes
-import os
 import sys
 import threading
 import traceback
 from collections.abc import Callable, Hashable
-from contextlib import suppress
 from dataclasses import dataclass, field
 from queue import SimpleQueue
 from typing import Any
@@ -20,47 +17,44 @@ from typing import Any
 from PySide6.QtCore import QObject, QThread, Signal
 
 from fingerlab.core.errors import Cancelled, UserError
+from fingerlab.core.priority import ABOVE_NORMAL_CLASS, NORMAL_CLASS, ask_for, own_niceness
 
 Progress = Callable[[float, str], None]
 IsCancelled = Callable[[], bool]
 Work = Callable[[Progress, IsCancelled], Any]
 
 
-AHEAD, ABOVE_NORMAL_PRIORITY_CLASS, NORMAL_PRIORITY_CLASS = 5, 0x8000, 0x20
-"""By how much the window comes before other programs: less than the control loop and the recorder."""
+AHEAD = 5
+"""By how much less nice the window's thread is than others: it comes after loop and recorder."""
 
 
 class Precedence:
     """Lets the window's thread come before ordinary programs while STOP may be needed.
 
     A press of STOP goes through that thread, which on a busy machine waits for a core: 211 ms were seen
-    beside ten other programs. What it hands to workers comes as before. Not every system or user is granted
-    it.
+    beside ten other programs. On Linux what it hands to workers comes as before; on Windows the whole program
+    comes first, and elsewhere nothing does.
     """
 
-    taken = False
+    usual: int | None = None
+    """The thread's niceness before; None: it comes as others do."""
 
     @classmethod
     def take(cls, on: bool) -> None:
         """Come first from now on, or as others do. From the window's thread."""
-        if on == cls.taken:
+        if on == (cls.usual is not None) or sys.platform not in ("linux", "win32"):
             return
-        if sys.platform == "win32":
-            kernel = ctypes.WinDLL("kernel32")
-            kernel.GetCurrentProcess.restype = ctypes.c_void_p
-            wanted = ABOVE_NORMAL_PRIORITY_CLASS if on else NORMAL_PRIORITY_CLASS
-            kernel.SetPriorityClass(ctypes.c_void_p(kernel.GetCurrentProcess()), wanted)
-            cls.taken = on
-        elif sys.platform == "linux":  # where it is a thread's own
-            with suppress(OSError):
-                os.nice(-AHEAD if on else AHEAD)
-                cls.taken = on
+        if cls.usual is not None:
+            ask_for(cls.usual, NORMAL_CLASS)
+            cls.usual = None
+        elif ask_for((usual := own_niceness()) - AHEAD, ABOVE_NORMAL_CLASS):
+            cls.usual = usual
 
     @classmethod
     def leave_to_the_window(cls) -> None:
         """In a worker's thread: it inherited what the window's has."""
-        if cls.taken and sys.platform == "linux":
-            os.nice(AHEAD)
+        if cls.usual is not None and sys.platform == "linux":
+            ask_for(cls.usual, NORMAL_CLASS)
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,6 @@ loop opens its device once that of the guardian has been tried.
 
 from __future__ import annotations
 
-import ctypes
 import gc
 import os
 import signal
@@ -31,6 +30,7 @@ from fingerlab.acquisition.recorder import Recorder
 from fingerlab.acquisition.ring import Ring
 from fingerlab.acquisition.status import SharedStatus, Slot, Text
 from fingerlab.core.errors import Cancelled, UserError
+from fingerlab.core.priority import HIGH_CLASS, ask_for
 from fingerlab.devices.protocol import Device, DeviceFault, DeviceLost
 
 LOOK_S = 0.1
@@ -70,8 +70,8 @@ def _hold_off(board: SharedStatus) -> None:
 POLL_S = 0.02
 """How often the recorder takes what the ring has."""
 
-NICE, HIGH_PRIORITY_CLASS = -10, 0x80
-"""Priority that loop and recorder ask for (setpriority(2); SetPriorityClass of the Windows API)."""
+NICENESS = -10
+"""That loop and recorder ask for."""
 
 REAL_TIME = 10
 """Priority in the class of real-time programs (Linux, sched(7)) that a loop paced by a clock asks for: before
@@ -270,16 +270,10 @@ def come_first(paced: bool = False) -> None:
     Args:
         paced: it mostly waits, and may therefore come before everything else where another core is left.
     """
-    if sys.platform == "win32":
-        kernel = ctypes.WinDLL("kernel32")
-        kernel.GetCurrentProcess.restype = ctypes.c_void_p
-        kernel.SetPriorityClass(ctypes.c_void_p(kernel.GetCurrentProcess()), HIGH_PRIORITY_CLASS)
-    else:
+    ask_for(NICENESS, HIGH_CLASS)
+    if paced and hasattr(os, "sched_setscheduler") and (os.cpu_count() or 1) > 1:
         with suppress(OSError):
-            os.setpriority(os.PRIO_PROCESS, 0, NICE)
-        if paced and hasattr(os, "sched_setscheduler") and (os.cpu_count() or 1) > 1:
-            with suppress(OSError):
-                os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(REAL_TIME))
+            os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(REAL_TIME))
 
 
 def _be_undisturbed() -> None:

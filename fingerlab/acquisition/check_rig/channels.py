@@ -94,11 +94,12 @@ def channels_at_rest(look: Look) -> Iterator[Outcome]:
         if fault:
             yield Outcome(f"rest/{name}", title, FAILED, fault, measured=measured)
             continue
-        question = (
+        shown = (
             f"The {TITLES[name]} reads {_shown(name, channel.quantity(volts))} ({volts:.3f} V at "
-            f"{channel.terminal}, noise {1000 * spread:.1f} mV). Is that right for a bench at rest?"
+            f"{channel.terminal}, noise {1000 * spread:.1f} mV)."
         )
-        yield asked(look, f"rest/{name}", title, question, measured)
+        doubt = "Is that right for a bench at rest?"
+        yield asked(look, f"rest/{name}", title, shown, doubt, measured)
 
 
 @dataclass(frozen=True)

@@ -223,8 +223,8 @@ def limits(look: Look) -> Iterator[Outcome]:
         shown = f"{number:.4g}{'' if degrees == '°' else ' '}{degrees}"
         called = name.replace("_", " ").replace("mcp", "MCP angle").replace("pip", "PIP angle")
         source = held.sources.get(name, "FingerLab's default")
-        question = f"The limit {called} is {shown} ({source}). Is it right for this bench?"
-        yield asked(look, f"limits/{name}", f"Limit {called}", question, {"value": value})
+        limit, doubt = f"The limit {called} is {shown} ({source}).", "Is it right for this bench?"
+        yield asked(look, f"limits/{name}", f"Limit {called}", limit, doubt, {"value": value})
 
 
 def drive(look: Look) -> Iterator[Outcome]:
@@ -262,8 +262,9 @@ def stop(look: Look) -> Iterator[Outcome]:
     if not safe:
         yield Outcome("stop", title, FAILED, "The device does not confirm 0 V and a low enable line.")
     else:
-        question = "The device confirms 0 V and a low enable line. Is the amplifier's enable light off?"
-        yield asked(look, "stop", title, question, {"confirmed_by_device": safe})
+        shown = "The device confirms 0 V and a low enable line."
+        doubt = "Is the amplifier's enable light off?"
+        yield asked(look, "stop", title, shown, doubt, {"confirmed_by_device": safe})
     look.ask(Release())
 
 

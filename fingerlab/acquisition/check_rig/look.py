@@ -320,9 +320,9 @@ def told() -> Iterator[None]:
         raise BenchFailed(str(error)) from error
 
 
-def asked(look: Look, step: str, title: str, question: str, measured: dict[str, Any]) -> Outcome:
-    """What only the operator can tell; the sentence repeats what they were shown."""
-    shown = question.rpartition(". ")[0]
+def asked(look: Look, step: str, title: str, shown: str, doubt: str, measured: dict[str, Any]) -> Outcome:
+    """What only the operator can tell, of what they are ``shown``, which the finding repeats: sentences."""
+    question = f"{shown} {doubt}"
     answer = look.operator.ask(step, question)
     state = {YES: CONFIRMED, NO: FAILED, SKIP: SKIPPED}.get(answer, FAILED)
     words = {
@@ -330,4 +330,4 @@ def asked(look: Look, step: str, title: str, question: str, measured: dict[str, 
         FAILED: "The operator says no; correct the rig file and check again.",
         SKIPPED: "The operator left it out.",
     }
-    return Outcome(step, title, state, f"{shown}. {words[state]}", question, answer, measured)
+    return Outcome(step, title, state, f"{shown} {words[state]}", question, answer, measured)

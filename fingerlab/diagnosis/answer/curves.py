@@ -284,7 +284,7 @@ def _comparisons(
     present = [row for row in Row if np.any(fitted.model.rows == row)]
     residuals = {row: _residual(fitted, group, kept, row, offsets) for row in present}
     of = fitted.model, fitted.fit.values, group, fitted.weights[group.key]
-    noise = floor_covariance(*of, reduced.constants)
+    noise = floor_covariance(*of, means=reduced.constants is None)
 
     def one(equation: str, measured: Array, modelled: Array, unit: str, variance: float) -> Comparison:
         return Comparison(

@@ -62,7 +62,7 @@ def equation_errors(
     for group in reduced.groups:
         residual = fitted.residuals[group.key]
         of = fitted.model, fitted.fit.values, group, fitted.weights[group.key]
-        noise = misfit_floor(*of) if cycles_alone else floor_covariance(*of, reduced.constants)
+        noise = misfit_floor(*of) if cycles_alone else floor_covariance(*of, means=reduced.constants is None)
         for family, values in _families(reduced, fitted, group, residual, noise).items():
             sums[family] = sums.get(family, np.zeros(4)) + group.samples * np.array([*values, 1.0])
     result = {}

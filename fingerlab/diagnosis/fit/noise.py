@@ -23,7 +23,7 @@ from fingerlab.diagnosis.equations.features import NO_SHIFT, BoolArray, IntArray
 from fingerlab.diagnosis.equations.model import Model
 from fingerlab.diagnosis.equations.parameters import RUBS, SLIPS
 from fingerlab.diagnosis.gram.state_law import left_out_covariance
-from fingerlab.diagnosis.gram.sums import Group, Reduced, RunConstants
+from fingerlab.diagnosis.gram.sums import Group, Reduced
 from fingerlab.diagnosis.settings import (
     LEAST_DEPTH_SPREAD_M,
     LEAST_LENGTH_SPREAD_M,
@@ -215,7 +215,7 @@ def noise_covariance(model: Model, values: Array, group: Group) -> Array:
     return row_covariance(model, values, group, model.pick.among(group.noise), group.noise_samples)
 
 
-def scatter_of_runs(model: Model, values: Array, group: Group, means: bool = True) -> Array:
+def scatter_of_runs(model: Model, values: Array, group: Group, means: bool) -> Array:
     """Covariance (5, 5) of what runs told the same motion leave differently, of one sample, less the noise.
 
     What a cable that hangs loose leaves is no part of it.
@@ -245,18 +245,16 @@ def scatter_of_runs(model: Model, values: Array, group: Group, means: bool = Tru
     return np.asarray((directions * np.maximum(sizes, 0.0)) @ directions.T)
 
 
-def floor_covariance(
-    model: Model, values: Array, group: Group, weights: Array, constants: RunConstants | None = None
-) -> Array:
+def floor_covariance(model: Model, values: Array, group: Group, weights: Array, means: bool) -> Array:
     """Covariance (5, 5) of what no model can better, of one sample: of noise, and of what runs differ by.
 
     A score's misfit allows for that of a friction that wanders by itself, see ``own_to_a_run``.
 
     Args:
-        constants: of the runs, that are taken off what is left; None: there are none.
+        means: whether what runs leave on their averages counts, see :func:`scatter_of_runs`.
     """
     floor = misfit_floor(model, values, group, weights)
-    return floor + scatter_of_runs(model, values, group, constants is None) if group.repeats else floor
+    return floor + scatter_of_runs(model, values, group, means) if group.repeats else floor
 
 
 def misfit_floor(model: Model, values: Array, group: Group, weights: Array) -> Array:

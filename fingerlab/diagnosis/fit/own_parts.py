@@ -13,8 +13,8 @@ from functools import cached_property
 import numpy as np
 
 from fingerlab.diagnosis.equations.features import BoolArray, IntArray
+from fingerlab.diagnosis.fit.bounded_step import bounded_step
 from fingerlab.diagnosis.fit.data import Weighted
-from fingerlab.diagnosis.settings import PIVOTING_ROUNDS, SWEEPS
 from fingerlab.sessions.model import Array
 
 
@@ -132,51 +132,10 @@ class Own:
         far = np.flatnonzero(np.abs(wanted).max(axis=1) > self.bound)
         if not len(far):
             return None
-        stands = within_bounds(self.bowl[far], wanted[far], self.bound)
-        return far, wanted[far] - stands, np.abs(stands) < self.bound
-
-
-def within_bounds(bowl: Array, lowest: Array, bound: float) -> Array:
-    """Where some bowls are lowest within ``bound`` of zero on each axis, (n, parts).
-
-    All wrong bounds are exchanged at once (block principal pivoting, Judice and Pires 1994); what does not
-    settle is led down one axis after the other, in turn.
-
-    Args:
-        bowl: their curvatures, (n, parts, parts). lowest: where they are lowest of all, (n, parts).
-    """
-    sides = np.sign(lowest) * (np.abs(lowest) > bound)
-    found, open_ = np.clip(lowest, -bound, bound), np.arange(len(lowest))
-    for _ in range(PIVOTING_ROUNDS):
-        mine, held = bowl[open_], sides[open_] != 0.0
-        at = bound * sides[open_]
-        free = ~held[:, :, None] & ~held[:, None, :]
-        pull = np.where(held, 0.0, _times(mine, lowest[open_] - at))
-        at += np.linalg.solve(np.where(free, mine, np.eye(mine.shape[1])), pull[:, :, None])[:, :, 0]
-        outward = _times(mine, lowest[open_] - at) * sides[open_] >= 0.0
-        now = np.where(held, np.where(outward, sides[open_], 0.0), np.sign(at) * (np.abs(at) > bound))
-        settled = np.all(now == sides[open_], axis=1)
-        found[open_[settled]] = at[settled]
-        sides[open_] = now
-        open_ = open_[~settled]
-        if not len(open_):
-            return found
-    found[open_] = _axis_by_axis(bowl[open_], lowest[open_], bound)
-    return found
-
-
-def _axis_by_axis(bowl: Array, lowest: Array, bound: float) -> Array:
-    """The same by Gauss and Seidel's way, projected."""
-    found = np.clip(lowest, -bound, bound)
-    pull = _times(bowl, lowest)
-    for _ in range(SWEEPS):
-        before = found.copy()
-        for k in range(found.shape[1]):
-            rest = pull[:, k] - np.einsum("nj,nj->n", bowl[:, k], found)
-            found[:, k] = np.clip(found[:, k] + rest / bowl[:, k, k], -bound, bound)
-        if np.abs(found - before).max() < 1e-6:
-            break
-    return found
+        at, out = np.zeros(wanted.shape[1]), np.full(wanted.shape[1], self.bound)
+        bowls = zip(self.bowl[far], wanted[far], strict=True)
+        stands = [bounded_step(at, -bowl @ lowest, bowl, -out, out) for bowl, lowest in bowls]
+        return far, wanted[far] - stands, np.abs(stands) < self.bound * (1.0 - 1e-9)
 
 
 def _times(matrices: Array, vectors: Array) -> Array:
