@@ -16,6 +16,7 @@ from PySide6.QtWidgets import (
     QLineEdit,
     QPlainTextEdit,
     QPushButton,
+    QWhatsThis,
     QWidget,
 )
 
@@ -187,6 +188,12 @@ DIALOGS = (
         (lambda s: _menu_entry(s.window, "Documents").trigger(),),
         ("app/documents.py:Documents",),
     ),
+    Surface(
+        "What is this?",
+        (lambda s: _menu_entry(s.window, "What is this?").trigger(),),
+        ready=QWhatsThis.inWhatsThisMode,
+    ),
+    Surface("What is this? > An answer", (lambda s: QWhatsThis.showText(QCursor.pos(), "It is.", s.window),)),
     Surface("About FingerLab", (_about,), ("app/window.py:MainWindow._about",)),
     Surface("Open session", (lambda s: s.window.ask_and_open(),), ("app/window.py:MainWindow.ask_and_open",)),
     Surface(

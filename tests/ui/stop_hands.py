@@ -16,7 +16,7 @@ import numpy as np
 from PySide6.QtCore import QEventLoop, QPoint, Qt, QTimer
 from PySide6.QtGui import QGuiApplication, QWindow
 from PySide6.QtTest import QTest
-from PySide6.QtWidgets import QApplication, QComboBox, QWidget
+from PySide6.QtWidgets import QApplication, QComboBox, QWhatsThis, QWidget
 from shiboken6 import isValid
 
 from fingerlab.acquisition.bench.bench import Bench
@@ -261,6 +261,7 @@ class Driving:
         while standing(self.stage.window):
             shut_all(self.stage.window)
             yield from self._settle(0.01)
+        QWhatsThis.leaveWhatsThisMode()
         self.stage.tab("calibrate").leave()
         while self.stage.others:
             other = self.stage.others.pop()

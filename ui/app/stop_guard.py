@@ -4,7 +4,8 @@ A menu or a list takes every press of the mouse for itself, and a dialog keeps p
 it. Hence, while a rig is connected:
 
 * every press and key of the application is looked at first, wherever it goes. One on STOP's place is STOP's,
-  even where a list stands open; the list is shut, and nothing is picked of it;
+  even where a list stands open; the list is shut, and nothing is picked of it. So is one after What's This,
+  which takes the next press for a question;
 * while a dialog blocks the window, or a window of the program lies over STOP, a stand-in of STOP lies in the
   very same place, above it. It belongs to the dialog and is therefore not blocked by it.
 
@@ -23,7 +24,7 @@ from PySide6.QtGui import (
     QPointerEvent,
     QWindow,
 )
-from PySide6.QtWidgets import QApplication, QPushButton, QWidget
+from PySide6.QtWidgets import QApplication, QPushButton, QWhatsThis, QWidget
 
 from ..widgets.layout import FLUSH, vbox
 from .context import ApplicationContext
@@ -186,9 +187,12 @@ class StopGuard(QObject):
         handles = [widget.window().windowHandle() for widget in own]
         goes_there = watched in handles or watched in own
         plain = isinstance(event, QMouseEvent) and event.button() == Qt.MouseButton.LeftButton
-        if goes_there and plain and QApplication.activePopupWidget() is None:
+        asks_what = QWhatsThis.inWhatsThisMode()  # which would keep the press from the button, to explain it
+        if goes_there and plain and not asks_what and QApplication.activePopupWidget() is None:
             return False  # the button acts by itself, and shows it
         self._context.stop()
+        if asks_what:
+            QWhatsThis.leaveWhatsThisMode()
         for _ in range(MOST_POPUPS):
             popup = QApplication.activePopupWidget()
             if popup is None:
