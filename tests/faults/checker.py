@@ -16,6 +16,11 @@ from fingerlab.acquisition.check_rig.look import Outcome
 from fingerlab.acquisition.check_rig.walk import STEPS
 from fingerlab.cli.bench import checked
 from fingerlab.devices.choosing import choose_device
+from fingerlab.rig.file import default_rig
+from tests.devices.safety_wiring import wired
+
+LINES = {"lines", "dead_man"}
+"""Steps of what the default rig does not wire."""
 
 
 class Willing:
@@ -38,7 +43,9 @@ class Willing:
 def main(card: str, *names: str) -> None:
     """As ``fingerlab check-rig`` does it, without its terminal and its file."""
     try:
-        checked(choose_device(f"{card}/Dev1"), Willing(), "test", [one for one in STEPS if one.name in names])
+        rig = wired(default_rig()) if LINES.intersection(names) else None
+        steps = [one for one in STEPS if one.name in names]
+        checked(choose_device(f"{card}/Dev1", rig), Willing(), "test", steps)
     except KeyboardInterrupt:
         sys.exit(130)
 

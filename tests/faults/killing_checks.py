@@ -24,18 +24,23 @@ STEPS = {
     "moved": 3.5,
     "scale": 3.5,
     "encoder": 3.5,
+    "lines": 3.5,
     "limits": 0.05,
     "pacing": 2.0,
     "output": 0.15,
     "drive, line low": 0.5,
     "drive": 0.1,
+    "dead_man": 0.3,
     "stop": 0.05,
 }
 """Steps in which it is killed, and within how many s of the step's beginning; of the set value's, where there
 is one."""
 
-DRIVING = ("output", "drive, line low", "drive")
+DRIVING = ("output", "drive, line low", "drive", "dead_man")
 """Those in which a set value stands for a while."""
+
+ASKED = {"output": "assumptions", "pacing": "rest/current_monitor", "dead_man": "drive/dead_man"}
+"""By what the beginning of a step shows where that is not a question of its own name."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +78,8 @@ def kill_check(card: Served, step: str, how: str, share: float) -> Kill:
         NotSoFar: it did not come so far.
     """
     output, name = card.output, step.partition(",")[0]
-    card.do("set_up", *(("motor_bench", "none") if name == "drive" else ("on_air", "extension")))
+    free = name in ("drive", "dead_man")
+    card.do("set_up", *(("motor_bench", "none") if free else ("on_air", "extension")))
     before_it = ["rest"] if name in ("moved", "scale", "pacing") else []
     arguments = [sys.executable, "-m", "tests.faults.checker", card.address, *before_it, name]
     with subprocess.Popen(arguments, stdout=subprocess.PIPE, cwd=ROOT, text=True) as check:
@@ -131,8 +137,7 @@ def _await_step(lines: _Lines, name: str) -> None:
     """Until the step has begun: the questions of rest come at its end, and pacing has none of its own."""
     if name == "rest":
         return
-    asked = {"output": "assumptions", "pacing": "rest/current_monitor"}.get(name, name)
-    while not lines.wait_for("asked")["asked"].startswith(asked):
+    while not lines.wait_for("asked")["asked"].startswith(ASKED.get(name, name)):
         pass
 
 
@@ -140,7 +145,7 @@ def _begun(step: str, output: Path) -> Callable[[], bool]:
     """Whether a set value stands, in the steps that have one."""
 
     def stands(now: Output) -> bool:
-        if step == "drive":
+        if step in ("drive", "dead_man"):
             return now.volts != 0.0 and now.enabled
         return now.volts != 0.0 or step not in DRIVING
 

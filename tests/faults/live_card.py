@@ -24,6 +24,7 @@ from fingerlab.acquisition.bench.processes import come_first
 from fingerlab.devices.choosing import DeviceChoice, choose_device
 from fingerlab.devices.simulated import SimulatedBench, Simulation
 from fingerlab.rig.file import default_rig
+from tests.devices.safety_wiring import READY, STOP
 from tests.devices.virtual_card import Card, Servicer, TcpServer
 from tests.devices.virtual_card.card import RATE, CardTask
 from tests.faults.shared_device import LAYOUT, make_output
@@ -101,6 +102,7 @@ def main(output: str) -> None:
     plant = SimulatedBench(Simulation(seed=2), default_rig().daq)
     plant.advance(0.0, False)  # compiled before the clock runs
     card = LiveCard(plant, Path(output))
+    card.inputs = {STOP: True, READY: True}  # released and ready, to a rig file that wires them
     server = TcpServer(LiveServicer(card), WORKERS)
     threading.Thread(target=card.run, daemon=True).start()
     print(json.dumps({"address": server.address}), flush=True)
