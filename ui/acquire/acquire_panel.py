@@ -402,6 +402,7 @@ class AcquirePanel(QWidget):
         finger = controller.set_up.phase in ("on_air", "contact") and controller.set_up.cable != "none"
         self.take_up.refuse(
             hands_off
+            or ("The amplifier is enabled; disable it first." if controller.driving else "")
             or controller.refusal(Event.ENABLE)
             or ("" if finger else "Only a cable that is fixed to a finger has slack.")
         )

@@ -331,6 +331,7 @@ def test_slack_is_taken_up_and_the_contact_found_by_a_button(rig: Rig) -> None:
     rig.run(1.0)
     rig.click("enable")
     rig.run(0.2)
+    assert rig.button("takeUp").toolTip() == "The amplifier is enabled; disable it first."
     rig.click("byProtocol")
     enter(rig, "contactForce", "170")
     rig.click("byHand")
