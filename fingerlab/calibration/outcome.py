@@ -79,7 +79,8 @@ LEAST_VOLTS = 0.05
 def early_objection(plan: CalibrationPlan, steps: Sequence[SteadyStep], rises: bool | None = None) -> str:
     """What the data sheet says against the very first steps: zero, sense or span; empty for nothing.
 
-    Two steps are enough to see that a sensor is wired or mounted the wrong way round, or has another span.
+    The first step tells a sensor without supply or with a wire off. Two are enough to see that one is wired
+    or mounted the wrong way round, or has another span.
 
     Args:
         rises: whether the volts should rise with the known value; None where either is right.
@@ -92,6 +93,12 @@ def early_objection(plan: CalibrationPlan, steps: Sequence[SteadyStep], rises: b
         return (
             f"With nothing on it the sensor gives {steps[0].volts:.3f} V, and its data sheet allows "
             f"{zero.low:g} to {zero.high:g} V ({zero.source}); look at its supply and its wires first."
+        )
+    beyond = next((s.volts for s in steps if not sensor.volts.low <= s.volts <= sensor.volts.high), None)
+    if beyond is not None:
+        return (
+            f"The sensor gives {beyond:.3f} V, and its data sheet allows {sensor.volts.low:g} to "
+            f"{sensor.volts.high:g} V ({sensor.volts.source}); look at its supply, its wires and its magnet."
         )
     shares = _shares(plan, steps)
     if not shares:

@@ -346,6 +346,14 @@ def test_a_turned_angle_sensor_is_told_at_the_second_mark() -> None:
         assert any("falls as the known" in one for one in wizard.outcome().objections) is told
 
 
+def test_an_angle_sensor_without_supply_or_beyond_its_range_is_told_at_the_first_mark() -> None:
+    for volts, told in ((0.0, True), (4.9, True), (2.5, False)):
+        wizard = Wizard(standard_plan(MCP), StepTiming(3.0, 1.0))
+        Operator(wizard, lambda _, at=volts: at, noise=1e-4).work(lambda w=wizard: w.number == 1)
+        assert ("its data sheet allows 0.25 to 4.75 V" in wizard.early()) is told
+        assert bool(wizard.early()) is told
+
+
 def test_weights_and_marks_are_the_operator_s_own() -> None:
     marks = read_marks(LOAD_CELL, "0, 50 200;500")
     assert marks == (0.0, 0.05, 0.2, 0.5)
