@@ -142,7 +142,8 @@ class ScreenUnit:
 
 DEGREE, DEGREE_A_SECOND = ScreenUnit("°", DEGREES), ScreenUnit("°/s", DEGREES)
 NEWTON, MILLI_NEWTON_METRE = ScreenUnit("N", 1.0), ScreenUnit("mN m", 1e3)
-AMPERE, MILLISECOND, UNITLESS = ScreenUnit("A", 1.0), ScreenUnit("ms", 1e3), ScreenUnit("", 1.0)
+AMPERE, VOLT = ScreenUnit("A", 1.0), ScreenUnit("V", 1.0)
+MILLISECOND, UNITLESS = ScreenUnit("ms", 1e3), ScreenUnit("", 1.0)
 """What is always shown in the same unit, however large it is."""
 
 

@@ -12,7 +12,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fingerlab.core.text import AMPERE, DEGREE, DEGREE_A_SECOND, MILLI_NEWTON_METRE, NEWTON, ScreenUnit, fixed
+from fingerlab.core.text import (
+    AMPERE,
+    DEGREE,
+    DEGREE_A_SECOND,
+    MILLI_NEWTON_METRE,
+    MILLISECOND,
+    NEWTON,
+    VOLT,
+    ScreenUnit,
+    fixed,
+)
 from fingerlab.sessions.model import Array
 
 MODELLED_TORQUE = "modelled_torque"
@@ -44,6 +54,7 @@ class LiveQuantity:
         return self.unit.after(fixed(value * self.unit.factor, self.digits))  # never "−0.00"
 
 
+AS_READ = "U (V): as it is read at the terminal, before any scaling."
 BALANCE = "by the PIP balance LHS₂ = s b T + L₂ − lever F, thesis (3.17), (3.18)"
 QUANTITIES = {
     quantity.column: quantity
@@ -58,6 +69,12 @@ QUANTITIES = {
         LiveQuantity("mcp_angle", "MCP", DEGREE, 1, "θ₁ (°): knuckle angle, flexion positive."),
         LiveQuantity("pip_angle", "PIP", DEGREE, 1, "θ₂ (°): middle joint's angle, flexion positive."),
         LiveQuantity("endpoint_force", "Force", NEWTON, 2, "F (N): the load cell under the fingertip."),
+        LiveQuantity("current_command", "Set current", AMPERE, 2, "i (A): what the amplifier is told."),
+        LiveQuantity("raw/force_volts", "Load cell volts", VOLT, 3, AS_READ),
+        LiveQuantity("raw/mcp_volts", "MCP volts", VOLT, 3, AS_READ),
+        LiveQuantity("raw/pip_volts", "PIP volts", VOLT, 3, AS_READ),
+        LiveQuantity("raw/current_volts", "Monitor volts", VOLT, 3, AS_READ),
+        LiveQuantity("lateness", "Lateness", MILLISECOND, 2, "How late the control loop's cycle came (ms)."),
         LiveQuantity(MODELLED_TORQUE, "Modelled torque", MILLI_NEWTON_METRE, 1, f"r T (mN m), {BALANCE}."),
         LiveQuantity(MODELLED_FORCE, "Modelled force", NEWTON, 2, f"F (N), {BALANCE}."),
         LiveQuantity(TORQUE_RESIDUAL, "Torque residual", MILLI_NEWTON_METRE, 1, "τ less r T (mN m)."),

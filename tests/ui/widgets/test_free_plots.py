@@ -118,6 +118,15 @@ def test_a_live_loop_and_a_spectrum_follow_the_bench_and_are_kept(
     frequency, level = free.plots[1].curve()
     told = rig.tab.panel.motion.settings()["frequency_hz"]
     assert frequency[int(np.argmax(level))] == pytest.approx(told, abs=0.5)
+    choose(rig.window, "freeUp2", "raw/mcp_volts")  # before any scaling, over what is told to the amplifier
+    choose(rig.window, "freeAcross2", "current_command")
+    rig.run(0.4)
+    told_amps, volts = free.plots[1].curve()
+    angle = history.series("mcp_angle", *plots.shown)[1]
+    assert np.ptp(volts) == pytest.approx(np.degrees(np.nanmax(angle) - np.nanmin(angle)) / 40.0, rel=0.05)
+    assert np.ptp(told_amps) > 0.1
+    choose(rig.window, "freeUp2", "motor_command")
+    choose(rig.window, "freeAcross2", "frequency")
     tick(rig.window, "angles")
     assert plots.panes["angles"].isHidden()
     assert not plots.panes["force"].isHidden()
