@@ -128,6 +128,32 @@ def _take_session(stage: Stage) -> None:
     dialog.accept()
 
 
+def _list_in(name: str) -> Step:
+    """Opens a list of a dialog or a form, which gets two entries where it has none."""
+
+    def open_it(stage: Stage) -> None:
+        field = child(stage.window, QComboBox, name)
+        if field.count() == 0:
+            field.blockSignals(True)
+            field.addItems(["one", "two"])
+            field.blockSignals(False)
+        field.showPopup()
+
+    return open_it
+
+
+def _plot_of_ones_own(stage: Stage) -> None:
+    free = stage.tab("acquire").plots.free
+    if not free.plots:
+        free.add()
+    free.plots[0].across.showPopup()
+
+
+def _trigger_form(stage: Stage) -> None:
+    button = stage.tab("acquire").toolbar.trigger
+    button.menu().popup(button.mapToGlobal(button.rect().bottomLeft()))
+
+
 def _saved_model(stage: Stage) -> None:
     page: ConnectPage = stage.tab("acquire").connect_page
     page.effect.setCurrentIndex(page.effect.findData(MODEL))
@@ -206,6 +232,12 @@ DIALOGS = (
         (lambda s: s.window.plots.save_as(_first_plot(s), paper_of(_first_plot(s))),),
         ("app/menus.py:PlotMenu.save_as",),
     ),
+    Surface(
+        "Save the plot > list of sizes",
+        (lambda s: s.window.plots.ask_and_save(_first_plot(s)), _list_in("plotSize")),
+    ),
+    Surface("A plot of one's own > its list", (_plot_of_ones_own,)),
+    Surface("Trigger > list of quantities", (_trigger_form, _list_in("triggerQuantity"))),
     Surface("Details of the session", (_details,), ("acquire/recording_control.py:DetailsDialog",)),
     Surface(
         "Details > Folder for recordings",
@@ -388,6 +420,12 @@ DIALOGS = (
         "model_lab",
     ),
     Surface(
+        "What would mend the error > its list",
+        (lambda s: s.tab("model_lab").view.show_budget(), _list_in("budgetFamily")),
+        (),
+        "model_lab",
+    ),
+    Surface(
         "Drafted laws",
         (_drafted,),
         ("lab/drafts.py:DraftDialog",),
@@ -397,6 +435,12 @@ DIALOGS = (
         "Models side by side",
         (lambda s: s.tab("model_lab").view.show_side_by_side(),),
         ("lab/model_dialogs.py:SideBySideDialog",),
+        "model_lab",
+    ),
+    Surface(
+        "Models side by side > list of models",
+        (lambda s: s.tab("model_lab").view.show_side_by_side(), _list_in("modelA")),
+        (),
         "model_lab",
     ),
     Surface(
@@ -433,6 +477,12 @@ DIALOGS = (
         "Trend over days",
         (lambda s: s.tab("sessions").show_trend(),),
         ("sessions/trend_dialog.py:TrendDialog",),
+        "sessions",
+    ),
+    Surface(
+        "Trend over days > list of benches",
+        (lambda s: s.tab("sessions").show_trend(), _list_in("firstBench")),
+        (),
         "sessions",
     ),
     Surface(
