@@ -315,6 +315,7 @@ def test_what_failed_or_was_left_out_blocks_what_drives_later(answer: str, words
     for step in ("assumption/fresh-task-reaches-the-output", "drive/disabled", "drive/direction"):
         assert found[step].state == "skipped"
         assert found[step].sentence == f"Left out, for {words}; mend that and run check-rig again."
+    assert found["drive/dead_man"].state == "not applicable"  # the rig file wires none
     assert not {"assumptions", "drive"} & set(operator.asked)
     assert not any(volts or line for volts, line in card.history)
     assert found["stop"].state == "confirmed"

@@ -194,6 +194,7 @@ class Step:
     Attributes:
         name: for what goes wrong in it. run: does it. drives: whether a set value leaves in it.
         card: whether only a card has it. titles: of its outcomes by id, where it drives or is a card's.
+        needs: whether the rig has what is tried in it; without, it drives nothing and says so.
     """
 
     name: str
@@ -201,6 +202,7 @@ class Step:
     drives: bool = False
     card: bool = False
     titles: Mapping[str, str] = field(default_factory=dict)
+    needs: Callable[[Rig], bool] = lambda _rig: True
 
 
 STEPS = (
@@ -213,7 +215,9 @@ STEPS = (
     Step("pacing", pacing, card=True, titles=PACING_TITLES),
     Step("output", output, drives=True, card=True, titles=OUTPUT_TITLES),
     Step("drive", drive, drives=True, titles=DRIVE_TITLES),
-    Step("dead_man", dead_man, drives=True, titles=DEAD_MAN_TITLES),
+    Step(
+        "dead_man", dead_man, True, titles=DEAD_MAN_TITLES, needs=lambda rig: bool(rig.daq.dead_man.terminal)
+    ),
     Step("stop", stop),
 )
 """All steps in their order."""
@@ -256,7 +260,7 @@ def _taken(step: Step, look: Look, before: Sequence[Outcome], card: bool) -> Ite
         )
         return
     first = next((outcome for outcome in before if outcome.open), None)
-    if step.drives and first is not None:
+    if step.drives and first is not None and step.needs(look.rig):
         happened = "failed" if first.state == FAILED else "was left out"
         why = f"Left out, for {first.id} {happened}; mend that and run check-rig again."
         yield from (Outcome(k, title, SKIPPED, why) for k, title in step.titles.items())
