@@ -32,6 +32,7 @@ from fingerlab.rig.file import default_rig, load_rig
 from fingerlab.sessions import check_session, open_session
 
 RUN = {"kind": "sine", "amplitude_deg": 10.0, "frequency_hz": 1.0, "offset_deg": 20.0, "duration_s": 3.0}
+ENDLESS = {name: value for name, value in RUN.items() if name != "duration_s"}
 
 
 def call(*arguments: str) -> Any:
@@ -141,6 +142,7 @@ def test_every_run_that_is_proposed_for_the_motor_bench_is_within_its_limits() -
         (["--trajectory", "nowhere.json", "--phase", "free"], "JSON text or a file of it"),
         (["--trajectory", '{"next_experiment": null}'], "nothing left to separate"),
         (["--trajectory", json.dumps({**RUN, "offset_deg": 400}), "--phase", "free"], "limits are"),
+        (["--trajectory", json.dumps({**ENDLESS, "until_stopped": True}), "--phase", "free"], "'duration_s'"),
         (["--protocol", "rich", "--force", "20"], "pressed with 20 N; the limit of the force is 10 N"),
         (["--trajectory", json.dumps({**RUN, "load_torque": 0.1}), "--phase", "free"], "motor_bench"),
         (["--trajectory", json.dumps({**RUN, "load_torque": "x"}), "--phase", "motor_bench"], "in N m"),

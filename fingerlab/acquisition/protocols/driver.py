@@ -120,8 +120,8 @@ def refuse_impossible(steps: Sequence[Step], settings: LoopSettings) -> None:
     Where the contact is found on the way, a run is looked at about the middle of the motor's range.
 
     Raises:
-        UserError: the bench lacks a sensor, a run or a contact force is beyond its limits, or torques are to
-            be found for one that nobody has checked.
+        UserError: the bench lacks a sensor, a run has no end of its own, a run or a contact force is beyond
+            its limits, or torques are to be found for one that nobody has checked.
     """
     limits = settings.limits
     for set_up in (step.set_up for step in steps if isinstance(step, Change)):
@@ -140,6 +140,11 @@ def refuse_impossible(steps: Sequence[Step], settings: LoopSettings) -> None:
         if isinstance(step, Find):
             command, where = Approach(step.force, APPROACH_SPEED, APPROACH_LIMIT), ""
         elif isinstance(step, Record) and step.later is None and (step.trajectory, step.cable) not in seen:
+            if step.trajectory.get("until_stopped"):
+                raise UserError(
+                    f"Run {step.number} would go on until it is stopped, for which nobody waits here; give "
+                    "its trajectory a 'duration_s' in place of 'until_stopped'."
+                )
             seen.append((step.trajectory, step.cable))
             about = step.phase == "contact" and goes_about_contact(step.trajectory)
             command = Start({**step.trajectory, **({"offset_deg": middle} if about else {})})
