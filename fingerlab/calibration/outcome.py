@@ -98,7 +98,7 @@ def early_objection(plan: CalibrationPlan, steps: Sequence[SteadyStep], rises: b
     if beyond is not None:
         return (
             f"The sensor gives {beyond:.3f} V, and its data sheet allows {sensor.volts.low:g} to "
-            f"{sensor.volts.high:g} V ({sensor.volts.source}); look at its supply, its wires and its magnet."
+            f"{sensor.volts.high:g} V ({sensor.volts.source}); look at supply, wires and mounting first."
         )
     shares = _shares(plan, steps)
     if not shares:

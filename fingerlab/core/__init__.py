@@ -1,1 +1,1 @@
-"""What every part needs: errors that reach a user, units, text, files, a second process, own files."""
+"""What every part needs: errors that reach a user, units, text, files, processes, own files."""

@@ -128,18 +128,18 @@ def _take_session(stage: Stage) -> None:
     dialog.accept()
 
 
+def open_list(field: QComboBox) -> None:
+    """Open a list, which gets two entries where it has none."""
+    if field.count() == 0:
+        field.blockSignals(True)
+        field.addItems(["one", "two"])
+        field.blockSignals(False)
+    field.showPopup()
+
+
 def _list_in(name: str) -> Step:
-    """Opens a list of a dialog or a form, which gets two entries where it has none."""
-
-    def open_it(stage: Stage) -> None:
-        field = child(stage.window, QComboBox, name)
-        if field.count() == 0:
-            field.blockSignals(True)
-            field.addItems(["one", "two"])
-            field.blockSignals(False)
-        field.showPopup()
-
-    return open_it
+    """Opens a list of a dialog or a form."""
+    return lambda stage: open_list(child(stage.window, QComboBox, name))
 
 
 def _plot_of_ones_own(stage: Stage) -> None:

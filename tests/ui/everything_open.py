@@ -22,19 +22,12 @@ from PySide6.QtWidgets import (
 from fingerlab.ui.app.tab_registry import TABS
 from fingerlab.ui.app.window import MainWindow
 
-from .dialogs_open import DIALOGS
+from .dialogs_open import DIALOGS, open_list
 from .standing_open import ANOTHER_PROGRAM, Stage, Step, Surface
 
 
 def _list(field: QComboBox) -> Step:
-    def open_it(_: Stage) -> None:
-        if field.count() == 0:
-            field.blockSignals(True)
-            field.addItems(["one", "two"])
-            field.blockSignals(False)
-        field.showPopup()
-
-    return open_it
+    return lambda _: open_list(field)
 
 
 def _at_once() -> bool:

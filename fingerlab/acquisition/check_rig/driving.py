@@ -121,9 +121,6 @@ def _in_time(act: str) -> str:
 def dead_man(look: Look) -> Iterator[Outcome]:
     """The test current flows, the beat ends as in a loop that hangs, and the current ends with the pump."""
     daq, title = look.rig.daq, DEAD_MAN_TITLES[DEAD_MAN]
-    if not daq.dead_man.terminal:
-        yield Outcome(DEAD_MAN, title, NOT_HERE, NOT_WIRED)
-        return
     if not daq.current_monitor.terminal:
         why = "The rig file has no current monitor, without which the loop drives no motor; connect one."
         yield Outcome(DEAD_MAN, title, SKIPPED, why)

@@ -32,6 +32,7 @@ from fingerlab.acquisition.check_rig.channels import (
 from fingerlab.acquisition.check_rig.driving import (
     DEAD_MAN_TITLES,
     DRIVE_TITLES,
+    NOT_WIRED,
     dead_man,
     drive,
     inputs,
@@ -194,7 +195,7 @@ class Step:
     Attributes:
         name: for what goes wrong in it. run: does it. drives: whether a set value leaves in it.
         card: whether only a card has it. titles: of its outcomes by id, where it drives or is a card's.
-        needs: whether the rig has what is tried in it; without, it drives nothing and says so.
+        wired: whether the rig has the line that is tried in it.
     """
 
     name: str
@@ -202,7 +203,7 @@ class Step:
     drives: bool = False
     card: bool = False
     titles: Mapping[str, str] = field(default_factory=dict)
-    needs: Callable[[Rig], bool] = lambda _rig: True
+    wired: Callable[[Rig], bool] = lambda _rig: True
 
 
 STEPS = (
@@ -216,7 +217,11 @@ STEPS = (
     Step("output", output, drives=True, card=True, titles=OUTPUT_TITLES),
     Step("drive", drive, drives=True, titles=DRIVE_TITLES),
     Step(
-        "dead_man", dead_man, True, titles=DEAD_MAN_TITLES, needs=lambda rig: bool(rig.daq.dead_man.terminal)
+        "dead_man",
+        dead_man,
+        drives=True,
+        titles=DEAD_MAN_TITLES,
+        wired=lambda rig: bool(rig.daq.dead_man.terminal),
     ),
     Step("stop", stop),
 )
@@ -254,13 +259,13 @@ def check_rig(
 
 def _taken(step: Step, look: Look, before: Sequence[Outcome], card: bool) -> Iterable[Outcome]:
     """A step, unless it is not for this bench or blocked; a fault is a finding, a lost device is the end."""
-    if step.card and not card:
-        yield from (
-            Outcome(k, title, NOT_HERE, "Only a card can show it.") for k, title in step.titles.items()
-        )
+    why = "Only a card can show it." if step.card and not card else ""
+    why = why or ("" if step.wired(look.rig) else NOT_WIRED)
+    if why:
+        yield from (Outcome(k, title, NOT_HERE, why) for k, title in step.titles.items())
         return
     first = next((outcome for outcome in before if outcome.open), None)
-    if step.drives and first is not None and step.needs(look.rig):
+    if step.drives and first is not None:
         happened = "failed" if first.state == FAILED else "was left out"
         why = f"Left out, for {first.id} {happened}; mend that and run check-rig again."
         yield from (Outcome(k, title, SKIPPED, why) for k, title in step.titles.items())
