@@ -11,7 +11,8 @@ a cycle that is a whole period late has lost those in between. The amplifier is 
 given: the motor then follows a sine under the position loop and all safety checks, which stop it at the
 first 20 ms that the machine holds the loop up. Such a stop is a result: it is counted, and the bench reset,
 initialised and enabled anew as an operator would. Before each measurement a bare loop of waits, without
-anything of FingerLab in it, tells what the machine itself can do. Writes docs/benchmarks-real-time.md.
+anything of FingerLab in it, tells what the machine itself can do, and meanwhile a process on each core, above
+the loop, notes when the machine stood still as a whole. Writes docs/benchmarks-real-time.md.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +35,7 @@ import psutil
 from benchmarks.benches import in_processes, keep_option, kept, shown_window
 from benchmarks.machine import code_words, load_average, used
 from benchmarks.real_time_page import Timed, page
+from benchmarks.standstills import Standstills, watched
 from fingerlab.acquisition.bench.process_bench import ProcessBench
 from fingerlab.acquisition.control.machine import Enable, Initialise, Mode, Reset, SetUp, Start
 from fingerlab.acquisition.recorder import Recorder
@@ -56,6 +59,8 @@ PIECE_SECONDS = 5.0
 REST_S = 2.0
 """After a stop the finger swings for so long before the sensors are set again (assumed)."""
 TRIES = 60
+LOOK_S, SEEN_S = 0.5, 0.2
+"""The bench is looked at so often, and what it tells is seen so long afterwards at most (assumed)."""
 
 Pause = Callable[[float], None]
 
@@ -101,13 +106,14 @@ class Drive:
     """Keeps the motor running: after a stop by the checks it begins again, as an operator would.
 
     Attributes:
-        stops: the sentence of each.
+        stops: the sentence of each. stopped_at: when it was seen, by ``time.monotonic``.
     """
 
     def __init__(self, bench: ProcessBench, pause: Pause) -> None:
         self._bench, self._pause = bench, pause
         self._faults = bench.status().faults
         self.stops: list[str] = []
+        self.stopped_at: list[float] = []
 
     def start(self) -> None:
         """Enable, and go."""
@@ -121,6 +127,7 @@ class Drive:
             return
         self._faults = status.faults
         self.stops.append(status.fault)
+        self.stopped_at.append(time.monotonic())
         print(status.fault, file=sys.stderr)
         if status.loop_ended:
             raise SystemExit(f"The loop has ended: {status.fault}")
@@ -144,6 +151,23 @@ def measure(
     bench: ProcessBench, rig: Any, folder: Path, asked: argparse.Namespace, pause: Pause, window: bool
 ) -> Timed:
     """Record for so many minutes and look at every cycle."""
+    with watched() as standstills:
+        timed, stopped_at = _recorded(bench, rig, folder, asked, pause, window)
+    return with_standstills(timed, standstills, stopped_at)
+
+
+def with_standstills(timed: Timed, standstills: Standstills, stopped_at: list[float]) -> Timed:
+    """The measurement with what the machine itself did meanwhile."""
+    if standstills.moments is None:
+        return timed
+    lengths = [1e3 * seconds for _, seconds in standstills.moments]
+    told = [standstills.in_the(LOOK_S + SEEN_S, moment) for moment in stopped_at]
+    return replace(timed, stood_ms=lengths, stops_stood=sum(told))
+
+
+def _recorded(
+    bench: ProcessBench, rig: Any, folder: Path, asked: argparse.Namespace, pause: Pause, window: bool
+) -> tuple[Timed, list[float]]:
     path = folder / "real-time.h5"
     bench.recorder.open(SessionInfo(path, rig.to_json(), "real time", CREATED))
     for command in (SetUp("on_air", "extension"), Initialise()):
@@ -159,7 +183,7 @@ def measure(
     spent = sum(own.cpu_times()[:2])
     began, end = time.monotonic(), time.monotonic() + 60.0 * asked.minutes
     while time.monotonic() < end:
-        pause(0.5)
+        pause(LOOK_S)
         watch.look()
         status = bench.status()
         if status.recorder or (status.fault and not asked.driven):
@@ -177,7 +201,7 @@ def measure(
     bench.recorder.close()
     ms = 1e3 * watch.lateness
     recorded = sum(run.length for run in open_session(path).runs)
-    return Timed(
+    timed = Timed(
         window,
         asked.minutes,
         len(ms),
@@ -200,6 +224,7 @@ def measure(
         asked.beside,
         code_words(),
     )
+    return timed, drive.stopped_at
 
 
 def bare_lateness(seconds: float = 10.0) -> list[float]:

@@ -15,7 +15,9 @@ class Timed:
     ``bare_ms``: lateness of a bare loop of waits. ``driven``: whether the motor was to run, ``driven_share``
     for how much of the cycles it did, ``stops``: a sentence for each time that the checks stopped it.
     ``granted``: how the system schedules the loop. ``free_plots``: so many of the window's, beside the six.
-    ``beside``: whether another process took a core. ``code``: with which program.
+    ``beside``: whether another process took a core. ``code``: with which program. ``stood_ms``: how long the
+    machine itself stood still, each time (None: not watched), and ``stops_stood`` how many of the stops came
+    with that.
     """
 
     window: bool
@@ -39,6 +41,8 @@ class Timed:
     free_plots: int = 0
     beside: bool = False
     code: str = ""
+    stood_ms: list[float] | None = None
+    stops_stood: int = 0
 
 
 def page(results: list[Timed], speeds: dict[int, float], rate_hz: float) -> str:
@@ -54,6 +58,13 @@ def page(results: list[Timed], speeds: dict[int, float], rate_hz: float) -> str:
             f"yes, {100 * r.driven_share:.1f} % of the time" if r.driven else "no" for r in results
         ],
         "stopped by the safety checks": [str(len(r.stops)) if r.driven else "-" for r in results],
+        "the machine stood still for more than 12 ms: times, longest": [
+            "-" if r.stood_ms is None else f"{len(r.stood_ms)}, {max(r.stood_ms, default=0.0):.0f} ms"
+            for r in results
+        ],
+        "of the stops, with such a moment": [
+            "-" if r.stood_ms is None or not r.driven else str(r.stops_stood) for r in results
+        ],
         "the loop is scheduled": [r.granted for r in results],
         "minutes": [f"{r.minutes:g}" for r in results],
         "cycles": [f"{r.cycles:,}" for r in results],

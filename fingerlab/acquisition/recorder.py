@@ -306,6 +306,7 @@ class Recorder:
         run.writer.finish(ended, note or run.lossy_note, complete)
         path = run.writer.path
         self._board.set_text(Text.RUN, run.verdict(len(self._done) + 1))
+        self._board[Slot.UNUSABLE] = not run.usable
         self._done.append((path, h5py.File(path, "r")))
         self._board[Slot.RECORDED_RUNS] = len(self._done)
 

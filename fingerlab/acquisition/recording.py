@@ -286,6 +286,11 @@ class OpenRun:
         latched = int(rows[first, COLUMN["flags"]]) & RowFlag.LATCHED
         return "The bench was stopped by the operator." if latched else ""
 
+    @property
+    def usable(self) -> bool:
+        """Whether nothing is missing, or a piece between two gaps is long enough."""
+        return not self.gaps or self.longest >= USABLE_S * self.info.sample_rate_hz
+
     def verdict(self, number: int) -> str:
         """What was recorded is worth, as one sentence."""
         rate = self.info.sample_rate_hz
@@ -294,7 +299,7 @@ class OpenRun:
             return f"{told}, nothing missing; usable."
         gaps = "1 gap" if self.gaps == 1 else f"{self.gaps} gaps"
         told += f", {gaps} with {self.dropped} {'sample' if self.dropped == 1 else 'samples'} missing"
-        if self.longest >= USABLE_S * rate:
+        if self.usable:
             return f"{told}; usable, piece by piece between them (the longest {self.longest / rate:.1f} s)."
         return (
             f"{told}; not usable: no piece between them lasts {USABLE_S:g} s, close other programs and take "

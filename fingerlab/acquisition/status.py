@@ -98,6 +98,7 @@ class Slot(IntEnum):
     HOLD = 33  # loop: samples for which the device holds a set value
     GAPS = 34  # recorder: gaps in the run that it writes or wrote last
     DROPPED = 35  # recorder: samples that are missing in them
+    UNUSABLE = 36  # recorder: 1 where the run written last has no piece that is long enough to be used
     EMERGENCY_STOP = 40  # loop: Input
     AMPLIFIER_READY = 41  # loop: Input
     DEAD_MAN = 42  # loop: 1 where the device has one

@@ -18,7 +18,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from fingerlab.acquisition.control.machine import Event, Mode, SetGains
+from fingerlab.acquisition.control.machine import Event, Machine, Mode, SetGains
 from fingerlab.acquisition.protocols.driver import LONGEST_BEFORE_S
 from fingerlab.core.text import grouped
 from fingerlab.rig.file import Rig
@@ -372,9 +372,8 @@ class AcquirePanel(QWidget):
             hands_off or (controller.refusal(Event.RELEASE) if latched else "No stop is latched.")
         )
         self.reset.refuse(hands_off or controller.refusal(Event.RESET))
-        moving = mode in (Mode.RUNNING, Mode.STOPPING)
-        rest = "The motor is running; reset the load cell at rest, with nothing on it." if moving else ""
-        self.tare.refuse(hands_off or (controller.refusal(Event.FAULT) or rest))
+        not_now = Machine(mode or Mode.IDLE).tare_refusal
+        self.tare.refuse(hands_off or controller.refusal(Event.FAULT) or not_now)
         for button, fields in (
             (self.initialise, self.initial.fields),
             (self.start, [self.load, *self.motion.fields]),

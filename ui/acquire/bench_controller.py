@@ -367,11 +367,11 @@ class BenchController(QObject):
         if before is None or self.bench is None:
             return
         for notice in notices(before, now, self.bench.rate_hz):
-            if notice.kind in (Kind.LOST, Kind.RUN):
+            if notice.kind in (Kind.LOST, Kind.RUN) and not notice.grave:
                 self.context.say(notice.sentence)
                 continue
             if notice.kind is Kind.STOPPED:
-                if notice.fault:
+                if notice.grave:
                     self.context.tell(notice.sentence)
                 self.stopped.emit(notice.sentence)
                 continue

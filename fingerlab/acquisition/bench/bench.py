@@ -70,6 +70,7 @@ class Status:
     gaps: int = 0
     dropped: int = 0
     verdict: str = ""
+    usable: bool = True
 
 
 class RecorderClient(ABC):
@@ -186,6 +187,7 @@ class Bench(ABC):
             gaps=b[Slot.GAPS],
             dropped=b[Slot.DROPPED],
             verdict=b.text(Text.RUN),
+            usable=not b[Slot.UNUSABLE],
         )
 
     def approached(self) -> float | None:
@@ -257,11 +259,11 @@ class Kind(Enum):
 
 @dataclass(frozen=True)
 class Notice:
-    """One sentence for the operator."""
+    """One sentence for the operator; ``grave`` where something is to be done."""
 
     kind: Kind
     sentence: str
-    fault: bool = False
+    grave: bool = False
 
 
 def endangered(status: Status, rate_hz: float) -> str:
@@ -282,7 +284,7 @@ def notices(before: Status, now: Status, rate_hz: float) -> tuple[Notice, ...]:
     told = []
     if now.faults != before.faults or (now.loop_ended and not before.loop_ended):
         sentence = now.fault or "The control loop has ended; connect the device again."
-        told.append(Notice(Kind.STOPPED, sentence, fault=True))
+        told.append(Notice(Kind.STOPPED, sentence, grave=True))
     elif now.latched and not before.latched:
         told.append(Notice(Kind.STOPPED, "The bench was stopped by the operator."))
     if now.recorder and now.recorder != before.recorder:
@@ -293,7 +295,7 @@ def notices(before: Status, now: Status, rate_hz: float) -> tuple[Notice, ...]:
         sentence = f"{lost} {'sample' if lost == 1 else 'samples'} lost; the run has {gaps} and goes on"
         told.append(Notice(Kind.LOST, sentence))
     if now.recorded_runs > before.recorded_runs:
-        told.append(Notice(Kind.RUN, now.verdict))
+        told.append(Notice(Kind.RUN, now.verdict, grave=not now.usable))
     if now.sensors and now.sensors != before.sensors:
         told.append(Notice(Kind.SENSOR, now.sensors))
     told.extend(_of_lines(before, now, rate_hz))

@@ -429,12 +429,11 @@ class ControlLoop:
         return True
 
     def _begin_averaging(self, number: int, command: Initialise | Tare) -> str:
-        if isinstance(command, Initialise):
-            refusal = self.machine.refusal(Event.INITIALISE)
-            if refusal:
-                return refusal
-        elif self.machine.command_allowed:
-            return "The motor is running; reset the load cell at rest, with nothing on it."
+        machine = self.machine
+        initialises = isinstance(command, Initialise)
+        refusal = machine.refusal(Event.INITIALISE) if initialises else machine.tare_refusal
+        if refusal:
+            return refusal
         self._averaging = Averaging(number, command, self.settings, self._sensors, self._period)
         return ""
 

@@ -351,6 +351,13 @@ class Machine:
             return "The amplifier is not ready; look at its supply and its fault light, then enable."
         return _REFUSALS[event].format(mode=MODE_WORDS[self.mode])
 
+    @property
+    def tare_refusal(self) -> str:
+        """Why the load cell cannot be reset now, as one sentence; empty where it can."""
+        if self.command_allowed:
+            return "The motor is running; reset the load cell at rest, with nothing on it."
+        return "The bench is in fault; reset that first, then the load cell." if self.mode is _F else ""
+
 
 MODE_WORDS = {
     Mode.IDLE: "idle",

@@ -14,6 +14,7 @@ from PySide6.QtWidgets import QLabel, QLineEdit, QProgressBar, QPushButton
 from pytestqt.qtbot import QtBot
 
 from fingerlab.core.progress import Progress
+from fingerlab.devices.faults import Faults
 from fingerlab.sessions import open_session
 from fingerlab.sessions.recording_files import recording_folder
 from fingerlab.ui.sessions.session_table import quality_text
@@ -88,6 +89,25 @@ def test_a_pause_is_a_gap(rig: Rig, qtbot: QtBot) -> None:
     steps = np.diff(run.load(["time"])["time"])
     assert steps.max() == pytest.approx(0.5, abs=0.1)
     assert np.median(steps) == pytest.approx(1e-3)
+
+
+def test_a_run_that_cannot_be_used_is_told_across_the_window(connect_rig) -> None:  # type: ignore[no-untyped-def]
+    """Cycles lost each second leave no piece that can be used; a run that lost none is told at the bottom."""
+    rig = connect_rig(Faults(lost={1000 * second: 3 for second in range(3, 8)}))
+    rig.click("record")
+    rig.run(1.0)
+    rig.click("record")
+    rig.run(0.2)
+    assert not rig.window.message.isVisible()
+    assert rig.window.task_bar.text.text().endswith("nothing missing; usable.")
+    rig.run(1.0)
+    rig.click("record")
+    rig.run(5.5)
+    rig.click("record")
+    rig.run(0.2)
+    assert rig.window.message.isVisible()
+    assert rig.label("message").startswith("Run 2: ")
+    assert "not usable: no piece between them lasts 4 s" in rig.label("message")
 
 
 def test_several_runs_in_one_file(rig: Rig, qtbot: QtBot) -> None:

@@ -13,7 +13,8 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QLabel, QLineEdit
 from pytestqt.qtbot import QtBot
 
-from fingerlab.acquisition.control.machine import Mode
+from fingerlab.acquisition.control.machine import Mode, Tare
+from fingerlab.core.errors import UserError
 from fingerlab.devices.faults import Faults, LineFault
 from fingerlab.sessions import open_session
 from fingerlab.ui.acquire.recording_control import DetailsDialog
@@ -265,9 +266,14 @@ def test_a_fault_is_one_sentence_and_only_a_reset_leads_on(connect_rig) -> None:
     assert rig.label("rigState") == "In fault"
     rig.tab.panel.refresh()
     assert not rig.button("initialise").isEnabled()
+    with pytest.raises(UserError, match="in fault; reset that first, then the load cell"):
+        rig.bench.ask(Tare())
+    assert not rig.button("tare").isEnabled()
+    assert rig.button("tare").toolTip().startswith("The bench is in fault; reset that first")
     rig.click("resetFault")
     rig.run(0.1)
     assert rig.mode is Mode.INITIALISED
+    assert rig.button("tare").isEnabled()
 
 
 def test_the_emergency_stop_is_shown_in_words_and_holds_its_buttons_back(
