@@ -26,7 +26,9 @@ from fingerlab.diagnosis.settings import (
     FAR_SHARE,
     FRONT,
     FULL_ITERATIONS,
+    IDLE_SHARE,
     LEAST_SHARE_OF_MANY,
+    LEAST_TAUT,
     MOST_BEYOND,
     NEARLY_AS_GOOD,
     NEEDLESS_SHARE,
@@ -34,7 +36,8 @@ from fingerlab.diagnosis.settings import (
     TOO_CLOSE,
     USUAL_SHARE,
 )
-from fingerlab.effects.base import Effect
+from fingerlab.effects.base import Effect, Row
+from fingerlab.sessions.model import Array
 
 
 def path_of_many(
@@ -66,13 +69,18 @@ def path_of_many(
     if not _explains_most(alone, fitted, keep):
         return None
     alone, fitted = refine_grid(reduction, fitted, watch)
-    fitted = _without_needless(alone, alone.score_held_out(fitted), keep)
+    fitted = _without_needless(alone, alone.score_held_out(fitted), keep, IDLE_SHARE)
     scorer, fitted = _beside_all(reduction, catalogue, fitted, watch)
-    longer = _longer(scorer, fitted, keep, watch)
-    if len(longer.choices) > len(fitted.choices):
+    for more_than_usual in range(MOST_BEYOND):
+        many = len(fitted.choices) - keep + 1
+        watch.tell(more_than_usual / MOST_BEYOND, f"several effects together: {many}")
+        longer = _with_one_more(scorer, fitted)
+        if longer is None:
+            break
+        # Refined at once: beside a ripple a sheath takes another shape, and needs no friction of gears then.
         refined = refine_grid(reduction, longer, watch)[1]
         scorer, fitted = _beside_all(reduction, catalogue, refined, watch)
-        fitted = _without_needless(scorer, scorer.score_held_out(fitted), keep)
+    fitted = _without_needless(scorer, scorer.score_held_out(fitted), keep, USUAL_SHARE)
     found = _in_order(scorer, fitted, keep)
     return (scorer, found) if _explains_most(scorer, found[-1], keep) else None
 
@@ -83,18 +91,6 @@ def _explains_most(scorer: Scorer, fitted: FittedModel, keep: int) -> bool:
     return fitted.misfit < FAR_SHARE * alone.misfit
 
 
-def _longer(scorer: Scorer, fitted: FittedModel, keep: int, watch: Watch) -> FittedModel:
-    """The model with few effects more than a bench usually has, while each explains enough."""
-    for more_than_usual in range(MOST_BEYOND):
-        many = len(fitted.choices) - keep
-        watch.tell(more_than_usual / MOST_BEYOND, f"several effects together: {many + 1}")
-        more = _with_one_more(scorer, fitted)
-        if more is None:
-            break
-        fitted = more
-    return fitted
-
-
 def _with_one_more(scorer: Scorer, fitted: FittedModel) -> FittedModel | None:
     """The model with the effect that makes the recordings likeliest; None where none explains enough."""
     tried = [scorer.fit_reweighted(one.choices, one) for one in _promising(scorer, fitted)]
@@ -103,9 +99,14 @@ def _with_one_more(scorer: Scorer, fitted: FittedModel) -> FittedModel | None:
         return None
     best = climb_grid(scorer, chosen)
     best = scorer.score_held_out(scorer.fit_reweighted(best.choices, best))
-    left = scorer.score_held_out(fitted).misfit
-    explains = left - best.misfit > LEAST_SHARE_OF_MANY * left
+    left = _left(scorer.score_held_out(fitted))
+    explains = left - _left(best) > LEAST_SHARE_OF_MANY * left
     return best if explains and scorer.deviance(best) < scorer.deviance(fitted) else None
+
+
+def _left(fitted: FittedModel) -> float:
+    """A scored model's misfit; none below the floor, where nothing is left to explain."""
+    return max(fitted.misfit, 0.0)
 
 
 def _promising(scorer: Scorer, fitted: FittedModel) -> list[FittedModel]:
@@ -164,15 +165,24 @@ def _beside_all(
     return scorer, scorer.fit_reweighted([Choice(one) for one in given], fitted)
 
 
-def _without_needless(scorer: Scorer, fitted: FittedModel, keep: int) -> FittedModel:
-    """The model less the effects of which the others leave nothing to explain, the idlest first."""
+def _without_needless(scorer: Scorer, fitted: FittedModel, keep: int, usual: float) -> FittedModel:
+    """The model less the effects of which the others leave nothing to explain, the idlest first.
+
+    What every bench has also stays where a single equation needs it: slack is seen in the cable's alone, of
+    which the score, where much is left of the others, says nothing.
+
+    Args:
+        usual: share by which the squared score rises at least without what every bench has.
+    """
     while len(fitted.choices) > keep + 1:
         # By how much the squared score rises without each, in shares of it that are needless for its kind.
-        left, spared = max(fitted.misfit, 0.0) + fitted.count, _each_left_out(scorer, fitted, keep)
-        rises = [
-            (one.misfit - fitted.misfit) / left / (USUAL_SHARE if c.effect.id in EVERYDAY else NEEDLESS_SHARE)
-            for c, one in zip(fitted.choices[keep:], spared, strict=True)
-        ]
+        fitted = scorer.score_held_out(fitted, residuals=True)
+        square, spared = _left(fitted) + fitted.count, _each_left_out(scorer, fitted, keep)
+        rises = []
+        for c, one in zip(fitted.choices[keep:], spared, strict=True):
+            rise, everyday = (_left(one) - _left(fitted)) / square, c.effect.id in EVERYDAY
+            needed = _most_in_an_equation(scorer, fitted, one) / NEEDLESS_SHARE if everyday else 0.0
+            rises.append(max(rise / (usual if everyday else NEEDLESS_SHARE), needed))
         idlest = spared[int(np.argmin(rises))]
         if min(rises) > 1.0:
             break
@@ -180,11 +190,27 @@ def _without_needless(scorer: Scorer, fitted: FittedModel, keep: int) -> FittedM
     return fitted
 
 
+def _most_in_an_equation(scorer: Scorer, fitted: FittedModel, without: FittedModel) -> float:
+    """Share by which the mean square of one equation's residual rises most, of any kind of runs."""
+    before, after = _squares(scorer, fitted), _squares(scorer, without)
+    seen = before > 0.0
+    return float((after[seen] / before[seen] - 1.0).max(initial=0.0))
+
+
+def _squares(scorer: Scorer, fitted: FittedModel) -> Array:
+    """Mean squares of the equations' residuals, (groups, 5); the cable's of the samples where it counts."""
+    squares = np.array([np.diag(fitted.residuals[g.key]) for g in scorer.reduced.groups])
+    if fitted.model.slack_free:
+        taut = [sum(f.taut_samples for f in g.folds) / max(g.samples, 1) for g in scorer.reduced.groups]
+        squares[:, Row.CABLE] /= np.maximum(taut, LEAST_TAUT)
+    return squares
+
+
 def _each_left_out(scorer: Scorer, fitted: FittedModel, keep: int) -> list[FittedModel]:
     """The model without each of its effects beyond the first ``keep``, under its weights."""
     choices = fitted.choices
     return [
-        scorer.score_held_out(scorer.fit([*choices[:i], *choices[i + 1 :]], fitted, FULL_ITERATIONS))
+        scorer.score_held_out(scorer.fit([*choices[:i], *choices[i + 1 :]], fitted, FULL_ITERATIONS), True)
         for i in range(keep, len(choices))
     ]
 
