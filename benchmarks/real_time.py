@@ -12,7 +12,7 @@ given: the motor then follows a sine under the position loop and all safety chec
 first 20 ms that the machine holds the loop up. Such a stop is a result: it is counted, and the bench reset,
 initialised and enabled anew as an operator would. Before each measurement a bare loop of waits, without
 anything of FingerLab in it, tells what the machine itself can do, and meanwhile a process on each core, above
-the loop, notes when the machine stood still as a whole. Writes docs/benchmarks-real-time.md.
+the loop, notes when that core stood still. Writes docs/benchmarks-real-time.md.
 """
 
 from __future__ import annotations

@@ -16,8 +16,8 @@ class Timed:
     for how much of the cycles it did, ``stops``: a sentence for each time that the checks stopped it.
     ``granted``: how the system schedules the loop. ``free_plots``: so many of the window's, beside the six.
     ``beside``: whether another process took a core. ``code``: with which program. ``stood_ms``: how long the
-    machine itself stood still, each time (None: not watched), and ``stops_stood`` how many of the stops came
-    with that.
+    machine itself stood still, on one core or more, each time (None: not watched), and ``stops_stood`` how
+    many of the stops came with that.
     """
 
     window: bool

@@ -2,9 +2,10 @@
 
     python -m benchmarks.standstills CORE
 
-Each sleeps for 2 ms at a time with a priority in real time that is higher than the control loop's. Where it
-comes back much later, no program on that core ran that it could have waited for: the (virtual) machine was
-held up from outside. Linux, where the user may ask for real time; elsewhere nothing is told.
+Scheduling latency, as cyclictest (rt-tests) measures it, with the times at which it was long. Each sleeps for
+2 ms at a time with a priority in real time that is higher than the control loop's. Where it comes back much
+later, no program on that core ran that it could have waited for: the (virtual) machine was held up from
+outside. Linux, where the user may ask for real time; elsewhere nothing is told.
 """
 
 from __future__ import annotations

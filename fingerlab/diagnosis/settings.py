@@ -466,14 +466,16 @@ TOO_CLOSE = 0.9
 """... and from which on laws that are not alike cannot be told apart, so that none is added, or that comes
 first which the others can spare least; assumed."""
 NEEDLESS_SHARE = 0.15
-"""An effect without which the misfit, or the squared score, rises by no larger share is needless beside the
-others; assumed: what many laws that are nearly right leave moves by as much."""
+"""An effect without which the squared score rises by no larger share is needless beside the others, and what
+every bench has also where no equation's mean square does; assumed: what many laws that are nearly right leave
+moves by as much."""
 USUAL_SHARE = 0.03
-"""The same of what every bench has; assumed: it is there in any case, and stays while it is seen at all."""
-LEAST_TAUT = 0.02
-"""A cable that is taut for a smaller share of the samples tells nothing of its length; assumed."""
+"""The share of the squared score for what every bench has; assumed: it is there in any case, and stays while
+it is seen at all."""
 IDLE_SHARE = 0.003
 """The same before others are looked for, whose absence makes every share small; assumed."""
+LEAST_TAUT = 0.02
+"""A cable that is taut for a smaller share of the samples tells nothing of its length; assumed."""
 FAR_SHARE = 0.15
 """Many effects together must leave less than this share of the misfit: several together can imitate one that
 nobody knows; assumed, and moved from 0.1 for one bench as built, of which they left 0.14."""

@@ -429,9 +429,8 @@ class ControlLoop:
         return True
 
     def _begin_averaging(self, number: int, command: Initialise | Tare) -> str:
-        machine = self.machine
         initialises = isinstance(command, Initialise)
-        refusal = machine.refusal(Event.INITIALISE) if initialises else machine.tare_refusal
+        refusal = self.machine.refusal(Event.INITIALISE) if initialises else self.machine.tare_refusal
         if refusal:
             return refusal
         self._averaging = Averaging(number, command, self.settings, self._sensors, self._period)

@@ -69,7 +69,7 @@ def path_of_many(
     if not _explains_most(alone, fitted, keep):
         return None
     alone, fitted = refine_grid(reduction, fitted, watch)
-    fitted = _without_needless(alone, alone.score_held_out(fitted), keep, IDLE_SHARE)
+    fitted = _without_needless(alone, fitted, keep, IDLE_SHARE)
     scorer, fitted = _beside_all(reduction, catalogue, fitted, watch)
     for more_than_usual in range(MOST_BEYOND):
         many = len(fitted.choices) - keep + 1
@@ -80,7 +80,7 @@ def path_of_many(
         # Refined at once: beside a ripple a sheath takes another shape, and needs no friction of gears then.
         refined = refine_grid(reduction, longer, watch)[1]
         scorer, fitted = _beside_all(reduction, catalogue, refined, watch)
-    fitted = _without_needless(scorer, scorer.score_held_out(fitted), keep, USUAL_SHARE)
+    fitted = _without_needless(scorer, fitted, keep, USUAL_SHARE)
     found = _in_order(scorer, fitted, keep)
     return (scorer, found) if _explains_most(scorer, found[-1], keep) else None
 
@@ -173,32 +173,37 @@ def _without_needless(scorer: Scorer, fitted: FittedModel, keep: int, usual: flo
 
     Args:
         usual: share by which the squared score rises at least without what every bench has.
+
+    Returns:
+        Held out.
     """
+    fitted = scorer.score_held_out(fitted, residuals=True)
     while len(fitted.choices) > keep + 1:
-        # By how much the squared score rises without each, in shares of it that are needless for its kind.
-        fitted = scorer.score_held_out(fitted, residuals=True)
-        square, spared = _left(fitted) + fitted.count, _each_left_out(scorer, fitted, keep)
-        rises = []
-        for c, one in zip(fitted.choices[keep:], spared, strict=True):
-            rise, everyday = (_left(one) - _left(fitted)) / square, c.effect.id in EVERYDAY
-            needed = _most_in_an_equation(scorer, fitted, one) / NEEDLESS_SHARE if everyday else 0.0
-            rises.append(max(rise / (usual if everyday else NEEDLESS_SHARE), needed))
-        idlest = spared[int(np.argmin(rises))]
+        spared = _each_left_out(scorer, fitted, keep, residuals=True)
+        each = zip(fitted.choices[keep:], spared, strict=True)
+        rises = [_rise_without(scorer, c, fitted, one, usual) for c, one in each]
         if min(rises) > 1.0:
             break
-        fitted = scorer.score_held_out(scorer.fit_reweighted(idlest.choices, idlest))
+        idlest = spared[int(np.argmin(rises))]
+        fitted = scorer.score_held_out(scorer.fit_reweighted(idlest.choices, idlest), residuals=True)
     return fitted
 
 
-def _most_in_an_equation(scorer: Scorer, fitted: FittedModel, without: FittedModel) -> float:
-    """Share by which the mean square of one equation's residual rises most, of any kind of runs."""
-    before, after = _squares(scorer, fitted), _squares(scorer, without)
+def _rise_without(
+    scorer: Scorer, left_out: Choice, fitted: FittedModel, without: FittedModel, usual: float
+) -> float:
+    """By how much what is missed rises without an effect, in shares of it that are needless for its kind."""
+    rise = (_left(without) - _left(fitted)) / (_left(fitted) + fitted.count)
+    if left_out.effect.id not in EVERYDAY:
+        return rise / NEEDLESS_SHARE
+    before, after = _mean_squares(scorer, fitted), _mean_squares(scorer, without)
     seen = before > 0.0
-    return float((after[seen] / before[seen] - 1.0).max(initial=0.0))
+    most = float((after[seen] / before[seen] - 1.0).max(initial=0.0))
+    return max(rise / usual, most / NEEDLESS_SHARE)
 
 
-def _squares(scorer: Scorer, fitted: FittedModel) -> Array:
-    """Mean squares of the equations' residuals, (groups, 5); the cable's of the samples where it counts."""
+def _mean_squares(scorer: Scorer, fitted: FittedModel) -> Array:
+    """Of the equations' residuals, noise included, (groups, 5); the cable's where it counts."""
     squares = np.array([np.diag(fitted.residuals[g.key]) for g in scorer.reduced.groups])
     if fitted.model.slack_free:
         taut = [sum(f.taut_samples for f in g.folds) / max(g.samples, 1) for g in scorer.reduced.groups]
@@ -206,13 +211,16 @@ def _squares(scorer: Scorer, fitted: FittedModel) -> Array:
     return squares
 
 
-def _each_left_out(scorer: Scorer, fitted: FittedModel, keep: int) -> list[FittedModel]:
-    """The model without each of its effects beyond the first ``keep``, under its weights."""
+def _each_left_out(
+    scorer: Scorer, fitted: FittedModel, keep: int, residuals: bool = False
+) -> list[FittedModel]:
+    """The model without each of its effects beyond the first ``keep``, held out, under its weights."""
     choices = fitted.choices
-    return [
-        scorer.score_held_out(scorer.fit([*choices[:i], *choices[i + 1 :]], fitted, FULL_ITERATIONS), True)
+    without = (
+        scorer.fit([*choices[:i], *choices[i + 1 :]], fitted, FULL_ITERATIONS)
         for i in range(keep, len(choices))
-    ]
+    )
+    return [scorer.score_held_out(one, residuals) for one in without]
 
 
 def _in_order(scorer: Scorer, fitted: FittedModel, keep: int) -> list[FittedModel]:
