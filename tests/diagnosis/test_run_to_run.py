@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.optimize import minimize
+from scipy.optimize import lsq_linear, minimize
 
 from fingerlab.diagnosis.equations.model import Choice, build
 from fingerlab.diagnosis.fit.data import Weighted, own_to_a_run
@@ -61,6 +61,25 @@ def test_what_a_run_has_of_its_own_goes_no_further_than_runs_differ_by(off: tupl
     assert change == pytest.approx(2.0 * slope @ step, rel=1e-3)
     bent = left(told + step) + left(told - step) - 2.0 * left(told)
     assert bent == pytest.approx(2.0 * step @ curvature @ step, rel=2e-2)
+
+
+@pytest.mark.parametrize("parts", [1, 3, 6])
+def test_many_runs_are_bounded_at_once_as_each_would_be_alone(parts: int) -> None:
+    """Forty runs, their parts correlated so that a wrong bound pushes others: by BVLS, run by run."""
+    draw = np.random.default_rng(parts)
+    mixed = draw.normal(size=(40, parts, parts))
+    bends = 30.0 * (mixed @ mixed.transpose(0, 2, 1)) + 0.1 * np.eye(parts)
+    told, unit = draw.normal(size=parts), np.eye(parts)
+    own = Own(unit, np.arange(40), bends, bends, firmness=1.0, bound=0.5)
+
+    def left(bend: np.ndarray) -> float:
+        factor = np.linalg.cholesky(bend).T
+        matrix, aim = np.vstack((factor, unit)), np.concatenate((-factor @ told, np.zeros(parts)))
+        return 2.0 * float(lsq_linear(matrix, aim, (-0.5, 0.5), method="bvls", tol=1e-14).cost)
+
+    found = float(np.einsum("i,nij,j->", told, bends, told)) - own.explained(told)
+    assert own.beyond(told) is not None
+    assert found == pytest.approx(sum(map(left, bends)), rel=1e-6)
 
 
 @pytest.fixture(scope="module")

@@ -339,6 +339,11 @@ def temperature(misfit: float, count: float, runs: int = 0) -> float:
     return 1.0 + alike * max(misfit, 0.0) / max(count, 1.0)
 
 
+def tells_set_down(group: Group, condition: int) -> bool:
+    """Whether how a tip was set down is told from what the condition of a group's runs does."""
+    return group.in_contact and len(group.of_condition(condition)) >= LEAST_REPEATS
+
+
 def own_to_a_run(model: Model, values: Array, told: Array, group: Group, condition: int = 0) -> Array:
     """What one standard deviation of all that a run has of its own adds to the features, (k, parts).
 
@@ -349,8 +354,7 @@ def own_to_a_run(model: Model, values: Array, told: Array, group: Group, conditi
     """
     parts = [np.where(mine, WANDER * told, 0.0) for mine in model.wandering]
     place = model.index.get(SET_DOWN)
-    repeated = len(group.of_condition(condition)) >= LEAST_REPEATS
-    if group.in_contact and repeated and place is not None:
+    if place is not None and tells_set_down(group, condition):
         once = values.copy()
         once[place] = SET_DOWN_N  # the column is linear in it
         parts.append(np.where(model.set_down, model.features(once, group), 0.0))

@@ -15,6 +15,7 @@ import numpy as np
 from fingerlab.diagnosis.equations.features import BoolArray, IntArray
 from fingerlab.diagnosis.fit.bounded_step import bounded_step
 from fingerlab.diagnosis.fit.data import Weighted
+from fingerlab.diagnosis.settings import PIVOTING_ROUNDS
 from fingerlab.sessions.model import Array
 
 
@@ -46,7 +47,7 @@ class Beyond:
 
 @dataclass(frozen=True)
 class Own:
-    """What runs of one condition have of their own.
+    """What runs of a group have of their own that differ in the same way.
 
     Attributes:
         parts: what one standard deviation of each adds to the features, (k, parts).
@@ -132,10 +133,41 @@ class Own:
         far = np.flatnonzero(np.abs(wanted).max(axis=1) > self.bound)
         if not len(far):
             return None
-        at, out = np.zeros(wanted.shape[1]), np.full(wanted.shape[1], self.bound)
-        bowls = zip(self.bowl[far], wanted[far], strict=True)
-        stands = [bounded_step(at, -bowl @ lowest, bowl, -out, out) for bowl, lowest in bowls]
-        return far, wanted[far] - stands, np.abs(stands) < self.bound * (1.0 - 1e-9)
+        stands, free = _within(self.bowl[far], wanted[far], self.bound)
+        return far, wanted[far] - stands, free
+
+
+def _within(bowls: Array, lowest: Array, bound: float) -> tuple[Array, BoolArray]:
+    """Where each of some bowls is lowest within the same bounds, and which parts are at none, (n, parts).
+
+    All bounds that are wrong are exchanged at once (block principal pivoting, as in ``bounded_step``), in
+    every bowl; one that does not settle so is taken by itself.
+
+    Args:
+        bowls: curvatures, (n, parts, parts). lowest: where each is lowest without bounds, (n, parts).
+    """
+    side = np.sign(lowest) * (np.abs(lowest) > bound)
+    one = np.eye(lowest.shape[1])
+    for _ in range(PIVOTING_ROUNDS):
+        held = side != 0
+        off = np.where(held, side * bound - lowest, 0.0)
+        both = ~held[:, :, None] & ~held[:, None, :]
+        pull = np.where(held, 0.0, -_times(bowls, off))
+        off += np.linalg.solve(np.where(both, bowls, one), pull[:, :, None])[:, :, 0]
+        stands = lowest + off
+        pushed = side * _times(bowls, off) < 0.0
+        out = np.sign(stands) * (np.abs(stands) > bound * (1.0 + 1e-12))
+        following = np.where(held, side * pushed, out)
+        open_ones = np.flatnonzero((following != side).any(axis=1))
+        if not len(open_ones):
+            break
+        side = following
+    else:
+        at, most = np.zeros(lowest.shape[1]), np.full(lowest.shape[1], bound)
+        for k in open_ones:
+            stands[k] = bounded_step(at, -bowls[k] @ lowest[k], bowls[k], -most, most)
+        held = np.abs(stands) >= bound * (1.0 - 1e-9)
+    return stands, ~held
 
 
 def _times(matrices: Array, vectors: Array) -> Array:

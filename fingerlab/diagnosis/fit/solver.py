@@ -25,6 +25,7 @@ from fingerlab.diagnosis.fit.data import (
     Weights,
     feature_weights,
     own_to_a_run,
+    tells_set_down,
     temperature,
 )
 from fingerlab.diagnosis.fit.own_parts import Beyond, Own
@@ -251,13 +252,16 @@ class Fitter:
         ``trusted``: however far it would go.
         """
         result: dict[int, list[Own]] = {}
+        bound = np.inf if trusted else MOST_WANDER
         for i, group in enumerate(self.data.groups):
+            alike: dict[bool, list[int]] = {}  # conditions whose runs have the same parts
             for condition in group.conditions:
-                parts = own_to_a_run(self.model, values, told[i], group, condition)
-                folds = np.array(group.of_condition(condition))
+                alike.setdefault(tells_set_down(group, condition), []).append(condition)
+            for conditions in alike.values():
+                parts = own_to_a_run(self.model, values, told[i], group, conditions[0])
+                folds = np.array(sorted(k for c in conditions for k in group.of_condition(c)))
                 if parts.shape[1] and len(folds):
                     curved, pulled = self._across(i, parts, folds)
-                    bound = np.inf if trusted else MOST_WANDER
                     result.setdefault(i, []).append(Own(parts, folds, curved, pulled, 1.0, bound))
         return result
 
