@@ -11,9 +11,10 @@ from fingerlab.diagnosis.diagnose import likeliest_constants
 from fingerlab.diagnosis.equations.features import Pick
 from fingerlab.diagnosis.fit.run_spreads import find_constants
 from fingerlab.diagnosis.gram.reduction import Reduction
-from fingerlab.diagnosis.gram.sums import RunConstants, RunTotals, taken_up
+from fingerlab.diagnosis.gram.sums import EquationWeights, RunConstants, RunTotals, Sums, taken_up
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
+from fingerlab.effects.base import Row
 from fingerlab.sessions.model import Run, Session
 
 from . import closed_form as made
@@ -22,24 +23,36 @@ ZEROS_RAD = np.radians([0.4, -0.5, 0.1, -0.1])
 OFFSETS_NM = np.array([3e-3, -4e-3, 1e-3, -0.5e-3])
 
 
-def test_what_is_integrated_out_is_a_dense_covariance() -> None:
-    """Misfit under the inverse of the whole covariance, written down sample by sample."""
+@pytest.mark.parametrize("slack", [0, 3])
+def test_what_is_integrated_out_is_a_dense_covariance(slack: int) -> None:
+    """Misfit under the inverse of the whole covariance, written down sample by sample.
+
+    Of the last ``slack`` samples the cable equation is no part of it.
+    """
     rng = np.random.default_rng(3)
     samples, spreads = 7, np.array([0.3, 0.0, 2.0, 0.5])
     root = rng.standard_normal((5, 5))
     weights = root @ root.T + np.eye(5)
     share = rng.standard_normal((5, 4))
     residual = rng.standard_normal((samples, 5))
+    loose = residual[samples - slack :]
     # One feature in every equation, each a signal of its own, with coefficient 1.
     pick = Pick(np.arange(5), np.arange(5))
-    totals = RunTotals(0, np.stack([residual.sum(axis=0), np.zeros(5), np.zeros(5)]), np.array([7.0, 0, 0]))
+    sums = Sums(residual.T @ residual, loose.T @ loose, samples - slack, slack)
+    counts = np.array([samples, slack, 0])
+    totals = RunTotals(0, np.stack([residual.sum(axis=0), loose.sum(axis=0), np.zeros(5)]), counts)
     constants = RunConstants(spreads, {("flexion", "free"): share})
-    pull = constants.pull(("flexion", "free"), [totals], pick, weights, None)
-    grip = constants.grip(("flexion", "free"), [totals], weights, None)
-    products = EFFECTIVE_SHARE * (residual.T @ residual) * weights - taken_up(pull, grip, pull)
+    of = EquationWeights.of(weights)
+    pull = constants.pull(("flexion", "free"), [totals], pick, of)
+    grip = constants.grip(("flexion", "free"), [totals], of)
+    products = EFFECTIVE_SHARE * sums.among(pick, of) - taken_up(pull, grip, pull)
     noise = np.kron(np.eye(samples), np.linalg.inv(EFFECTIVE_SHARE * weights))
     common = np.kron(np.ones((samples, samples)), share @ np.diag(spreads**2) @ share.T)
-    dense = residual.reshape(-1) @ np.linalg.solve(noise + common, residual.reshape(-1))
+    told = np.ones((samples, 5), dtype=bool)
+    told[samples - slack :, Row.CABLE] = False
+    there = np.flatnonzero(told)
+    left = residual.reshape(-1)[there]
+    dense = left @ np.linalg.solve((noise + common)[np.ix_(there, there)], left)
     assert products.sum() == pytest.approx(dense, rel=1e-9)
 
 

@@ -9,7 +9,7 @@ from fingerlab.diagnosis.equations.columns import layout_of
 from fingerlab.diagnosis.equations.features import Pick
 from fingerlab.diagnosis.gram.decimation import decimated_columns
 from fingerlab.diagnosis.gram.reduction import reduce_sessions
-from fingerlab.diagnosis.gram.sums import Sums, empty, total
+from fingerlab.diagnosis.gram.sums import EquationWeights, Sums, empty, total
 from fingerlab.diagnosis.signals.segments import segments_of
 from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import Row
@@ -55,16 +55,50 @@ def test_slack_moments_count_for_the_cable_alone(recorded: tuple[np.ndarray, np.
     assert Sums(sums.products).slack(PICK) is None
 
 
+def weighted(
+    columns: np.ndarray, taut: np.ndarray, covariance: np.ndarray, mine: Pick, theirs: Pick
+) -> np.ndarray:
+    """Products sample by sample, under the inverse covariance of the equations that say anything then."""
+    weights, others = np.linalg.inv(covariance), [r for r in Row if r != Row.CABLE]
+    hanging = np.zeros_like(weights)
+    hanging[np.ix_(others, others)] = np.linalg.inv(covariance[np.ix_(others, others)])
+    result = np.zeros((len(mine.rows), len(theirs.rows)))
+    for values, holds in zip(columns, taut, strict=True):
+        of = (weights if holds else hanging)[np.ix_(mine.rows, theirs.rows)]
+        result += np.outer(values[mine.signals], values[theirs.signals]) * of
+    return result
+
+
+@pytest.fixture
+def covariance() -> np.ndarray:
+    """Of the equations' noise, most of it shared by all, as the tension's is."""
+    root = 0.1 * np.random.default_rng(2).normal(size=(5, 5))
+    return root @ root.T + np.outer([1, 1, -1, 1, 1], [1, 1, -1, 1, 1])
+
+
 def test_weighted_products_across_two_sets_of_features(
-    recorded: tuple[np.ndarray, np.ndarray, Sums],
+    recorded: tuple[np.ndarray, np.ndarray, Sums], covariance: np.ndarray
 ) -> None:
     columns, taut, sums = recorded
-    rng = np.random.default_rng(2)
-    left, root = rng.normal(size=(3, len(PICK.rows))), rng.normal(size=(5, 5))
-    weights = root @ root.T
-    mine, theirs = features(columns, taut, PICK), features(columns, taut, OTHER)
-    expected = left @ (mine.T @ theirs * weights[np.ix_(PICK.rows, OTHER.rows)])
-    assert sums.across(left, PICK, weights, OTHER) == pytest.approx(expected)
+    left = np.random.default_rng(2).normal(size=(3, len(PICK.rows)))
+    weights = EquationWeights.of(np.linalg.inv(covariance))
+    expected = left @ weighted(columns, taut, covariance, PICK, OTHER)
+    assert sums.across(left, PICK, weights, OTHER) == pytest.approx(expected, rel=1e-6)
+    assert sums.among(PICK, weights) == pytest.approx(
+        weighted(columns, taut, covariance, PICK, PICK), rel=1e-6, abs=1e-6
+    )
+
+
+def test_a_slack_cable_leaves_the_others_the_weight_of_their_own_noise(covariance: np.ndarray) -> None:
+    """The inverse of what is left of the covariance without the cable's row and column."""
+    weights = EquationWeights.of(np.linalg.inv(covariance))
+    found, others = weights.everywhere + weights.where_slack, [r for r in Row if r != Row.CABLE]
+    assert found[np.ix_(others, others)] == pytest.approx(np.linalg.inv(covariance[np.ix_(others, others)]))
+    assert found[Row.CABLE] == pytest.approx(0.0, abs=1e-9)
+    assert weights.everywhere[Row.MCP, Row.MCP] > 1.5 * found[Row.MCP, Row.MCP]
+    alone = np.zeros((5, 5))
+    alone[Row.BENCH, Row.BENCH] = 4.0
+    assert not EquationWeights.of(alone).where_slack.any()
 
 
 def test_noise_is_taken_from_every_sample_that_counts(

@@ -35,7 +35,7 @@ from fingerlab.diagnosis.equations.model import Choice
 from fingerlab.diagnosis.fit.noise import floor_covariance, misfit_floor
 from fingerlab.diagnosis.fit.solver import Fit, Fitter
 from fingerlab.diagnosis.gram.reduction import Reduction
-from fingerlab.diagnosis.gram.sums import Group, Reduced, RunTotals
+from fingerlab.diagnosis.gram.sums import EquationWeights, Group, Reduced, RunTotals
 from fingerlab.diagnosis.score.fitted_model import FittedModel, at_found_shapes
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.settings import FULL_ITERATIONS, NARROW_RATE_HZ, Z90
@@ -324,7 +324,8 @@ def _shares_of_rows(fitted: FittedModel, group: Group) -> list[dict[Row, float]]
     found = []
     for fold, residuals in zip(group.folds, fitted.folds[group.key].residuals, strict=True):
         mean = residuals / max(fold.samples, 1)
-        missed = np.maximum(np.einsum("ij,ij->i", weights, mean - noise), 0.0)
+        own = EquationWeights.of(weights).on_average(fold.slack_samples / max(fold.samples, 1))
+        missed = np.maximum(np.einsum("ij,ij->i", own, mean - noise), 0.0)
         whole = float(missed[rows].sum())
         found.append({row: float(missed[row]) / whole if whole > 0 else 1.0 / len(rows) for row in rows})
     return found

@@ -25,7 +25,15 @@ from fingerlab.diagnosis.fit.noise import (
     log_widening,
     noise_of_a_sample,
 )
-from fingerlab.diagnosis.gram.sums import Group, Offsets, RunConstants, RunTotals, Sums, total
+from fingerlab.diagnosis.gram.sums import (
+    EquationWeights,
+    Group,
+    Offsets,
+    RunConstants,
+    RunTotals,
+    Sums,
+    total,
+)
 from fingerlab.diagnosis.settings import (
     CORRELATED_VALUES,
     HELD_SHARE,
@@ -83,7 +91,8 @@ class Weighted:
 class Gathered:
     """Products of a model's features in a group, (k, k) each, or its folds, (folds, k, k): see :class:`Sums`.
 
-    All samples with noise and without, those at rest with noise and without, and those of a slack cable.
+    All samples with noise and without, those at rest with noise and without; where the cable is slack the
+    cable equation's own, and those of all others with noise and without.
     """
 
     raw: Array
@@ -91,25 +100,28 @@ class Gathered:
     still: Array | None
     quiet: Array | None
     slack: Array | None
+    loose: Array | None
+    hanging: Array | None
 
     def __getitem__(self, fold: int) -> Gathered:
         """Of one of several folds."""
-        still, quiet, slack = (None if a is None else a[fold] for a in (self.still, self.quiet, self.slack))
-        return Gathered(self.raw[fold], self.clean[fold], still, quiet, slack)
+        return self._each(lambda part: part[fold])
 
     def of(self, folds: IntArray, columns: IntArray) -> Gathered:
         """Of some of several folds, the products of all features with some."""
         among = folds[:, None, None], np.arange(self.raw.shape[1])[None, :, None], columns[None, None, :]
-        parts = (self.raw, self.clean, self.still, self.quiet, self.slack)
-        raw, clean, still, quiet, slack = (None if a is None else a[among] for a in parts)
-        assert raw is not None
-        assert clean is not None
-        return Gathered(raw, clean, still, quiet, slack)
+        return self._each(lambda part: part[among])
+
+    def _each(self, taken: Callable[[Array], Array]) -> Gathered:
+        rest = (self.still, self.quiet, self.slack, self.loose, self.hanging)
+        return Gathered(
+            taken(self.raw), taken(self.clean), *(None if part is None else taken(part) for part in rest)
+        )
 
     @property
     def bytes(self) -> int:
         """That it takes."""
-        parts = (self.raw, self.clean, self.still, self.quiet, self.slack)
+        parts = (self.raw, self.clean, self.still, self.quiet, self.slack, self.loose, self.hanging)
         return sum(part.nbytes for part in parts if part is not None)
 
 
@@ -153,14 +165,23 @@ class Data:
         return [g.whole.without(noise_of_a_sample(g)) for g in self.groups]
 
     def weighted(
-        self, found: Gathered, model: Model, weight: Array, standing: Callable[[], Array]
+        self,
+        found: Gathered,
+        model: Model,
+        weight: Array,
+        standing: Callable[[], Array],
+        slack: Callable[[], Array],
     ) -> Weighted:
         """What a fit needs of what was gathered; a slack cable costs unless it may be so.
 
-        ``weight`` of each product of the model's features, (k, k); ``standing`` gives by how much it changes
-        where the motor stands, if it ever does.
+        ``weight`` of each product of the model's features, (k, k); ``standing`` and ``slack`` give by how
+        much it changes where the motor stands and where the cable is slack, if that ever happens.
         """
         curvature, matrix = found.raw * weight, found.clean * weight
+        if found.loose is not None and found.hanging is not None:
+            less = slack()
+            curvature += found.loose * less
+            matrix += found.hanging * less
         if found.still is not None and found.quiet is not None:
             less = standing()
             curvature += found.still * less
@@ -200,7 +221,9 @@ class Data:
         loose = _of_each(pick, [part.loose for part in parts])
         still = _of_each(pick, [part.rest for part in parts])
         assert raw is not None
+        others = None
         if loose is not None:
+            others = loose * (1.0 - pick.in_cable)
             raw -= loose * pick.in_cable
         samples, taut, rest = (
             np.array(counts)[:, None, None]
@@ -212,6 +235,8 @@ class Data:
             still,
             None if still is None else still - rest * noise,
             None if loose is None else loose * pick.both_cable,
+            others,
+            None if others is None else others - (samples - taut) * np.where(pick.in_cable, 0.0, noise),
         )
 
     def _noise_of(self, i: int, pick: Pick) -> tuple[Array, Array]:
@@ -225,30 +250,29 @@ class Data:
         return noise[square], taut[square]
 
     def by_constants(
-        self, i: int, part: FoldNumbers | None, weights: Array, at_rest: Array, picks: Sequence[Pick]
+        self, i: int, part: FoldNumbers | None, weights: EquationWeights, picks: Sequence[Pick]
     ) -> tuple[Array, list[Array]] | None:
         """What ``taken_up`` needs to take the runs' own constants out of products of some features.
 
         How well the constants are known, and for each of the ``picks`` its products with them; None: the runs
-        of group ``i`` have none. ``weights`` (5, 5) of the equations, ``at_rest`` on top where the motor
-        stands.
+        of group ``i`` have none.
         """
         totals = self.totals(i, part)
         if self.constants is None or not totals:
             return None
         key = self.groups[i].key
-        grip = self.constants.grip(key, totals, weights, at_rest)
-        return grip, [self.constants.pull(key, totals, pick, weights, at_rest) for pick in picks]
+        grip = self.constants.grip(key, totals, weights)
+        return grip, [self.constants.pull(key, totals, pick, weights) for pick in picks]
 
     def offsets(
-        self, i: int, part: FoldNumbers | None, model: Model, told: Array, weights: Array, at_rest: Array
+        self, i: int, part: FoldNumbers | None, model: Model, told: Array, weights: EquationWeights
     ) -> Offsets | None:
         """The constants of the runs of group ``i`` beside the residuals that a model leaves; None: none.
 
         Args:
-            told: coefficients of the model's active features, (k,). weights, at_rest: see ``by_constants``.
+            told: coefficients of the model's active features, (k,).
         """
-        found = self.by_constants(i, part, weights, at_rest, [model.pick])
+        found = self.by_constants(i, part, weights, [model.pick])
         if self.constants is None or found is None:
             return None
         grip, (pull,) = found

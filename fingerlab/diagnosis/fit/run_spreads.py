@@ -18,6 +18,7 @@ from fingerlab.diagnosis.fit.data import Weights
 from fingerlab.diagnosis.gram.sums import (
     KINDS,
     SOURCES,
+    EquationWeights,
     Group,
     Reduced,
     RunConstants,
@@ -88,7 +89,7 @@ def _contrasts(
     model: Model, values: Array, group: Group, weights: Array, share: Array, motions: Sequence[int | None]
 ) -> Contrasts:
     """Of a group's runs: orthonormal differences between those of each motion (Helmert's)."""
-    h = model.features(values, group)
+    h, own = model.features(values, group), EquationWeights.of(weights)
     pulls, told, count = [np.zeros((0, len(SOURCES)))], [np.zeros((0, len(SOURCES), len(SOURCES)))], 0.0
     every = [t for fold in group.folds for t in fold.totals]
     for motion in sorted({m for t in every if (m := motions[t.number]) is not None}):
@@ -98,8 +99,8 @@ def _contrasts(
             continue
         # Runs of one motion are about equally long; as if they were just so.
         each = lengths.mean() / lengths
-        pull = np.einsum("rke,k,es->rs", with_constants(totals, model.pick, weights, None), -h, share)
-        mean = (of_constants(totals, weights, None) * each[:, None, None]).mean(axis=0)
+        pull = np.einsum("rke,k,es->rs", with_constants(totals, model.pick, own), -h, share)
+        mean = (of_constants(totals, own) * each[:, None, None]).mean(axis=0)
         basis = _helmert(len(totals))
         pulls.append(basis @ (pull * each[:, None]))
         told.append(np.repeat((share.T @ mean @ share)[None], len(basis), axis=0))
@@ -109,10 +110,10 @@ def _contrasts(
 
 def _averages(model: Model, values: Array, group: Group, weights: Array, share: Array) -> Contrasts:
     """What every run of a group misses on its average."""
-    h = model.features(values, group)
+    h, own = model.features(values, group), EquationWeights.of(weights)
     totals = [t for fold in group.folds for t in fold.totals]
-    pull = np.einsum("rke,k,es->rs", with_constants(totals, model.pick, weights, None), -h, share)
-    told = share.T @ of_constants(totals, weights, None) @ share
+    pull = np.einsum("rke,k,es->rs", with_constants(totals, model.pick, own), -h, share)
+    told = share.T @ of_constants(totals, own) @ share
     count = EFFECTIVE_SHARE * group.equations * float(sum(t.counts[0] for t in totals))
     return Contrasts(pull, told, count)
 

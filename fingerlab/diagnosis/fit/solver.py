@@ -29,7 +29,7 @@ from fingerlab.diagnosis.fit.data import (
     temperature,
 )
 from fingerlab.diagnosis.fit.own_parts import Beyond, Own
-from fingerlab.diagnosis.gram.sums import taken_up, taken_up_by_folds
+from fingerlab.diagnosis.gram.sums import EquationWeights, taken_up, taken_up_by_folds
 from fingerlab.diagnosis.settings import (
     LEAST_GAIN,
     LEAST_GAIN_SHARE,
@@ -107,6 +107,7 @@ class Fitter:
         self._still: dict[int, Array] = {}
         self._weight: dict[int, Array] = {}
         self._change: dict[int, Array] = {}
+        self._slack: dict[int, Array] = {}
         self._mean = model.start()
         self._stiffness = self._prior_weight() / model.spread**2
         self._low, self._high = model.low, model.high
@@ -185,7 +186,9 @@ class Fitter:
 
     def _weighted(self, i: int, gathered: Gathered) -> Weighted:
         """What was gathered in group ``i``, weighted."""
-        return self.data.weighted(gathered, self.model, self._weight_of(i), partial(self._less, i))
+        return self.data.weighted(
+            gathered, self.model, self._weight_of(i), partial(self._less, i), partial(self._where_slack, i)
+        )
 
     def _weight_of(self, i: int) -> Array:
         """Weight of each product of the model's features in group ``i``, (k, k)."""
@@ -198,8 +201,7 @@ class Fitter:
         if self.data.constants is None:
             return None
         if i not in self._constants:
-            weights = self.weights[self.data.groups[i].key]
-            told = self.data.by_constants(i, None, weights, self.standing(i), [self.model.pick])
+            told = self.data.by_constants(i, None, self.equation_weights(i), [self.model.pick])
             self._constants[i] = None if told is None else (told[0], told[1][0])
         return self._constants[i]
 
@@ -212,6 +214,17 @@ class Fitter:
         if i not in self._change:
             self._change[i] = self._of_products(self.standing(i))
         return self._change[i]
+
+    def _where_slack(self, i: int) -> Array:
+        """The same where the cable is slack, (k, k)."""
+        if i not in self._slack:
+            weights = self.weights[self.data.groups[i].key]
+            self._slack[i] = self._of_products(EquationWeights.of(weights).where_slack)
+        return self._slack[i]
+
+    def equation_weights(self, i: int) -> EquationWeights:
+        """Those of group ``i``, and what comes on top of them."""
+        return EquationWeights.of(self.weights[self.data.groups[i].key], self.standing(i))
 
     def standing(self, i: int) -> Array:
         """How the weights of group ``i`` change where the motor stands, (5, 5)."""
@@ -273,7 +286,11 @@ class Fitter:
         live = np.flatnonzero(parts.any(axis=1))  # few: those of frictions
         gathered = self.data.gathered_folds(i, self.model).of(folds, live)
         sums = self.data.weighted(
-            gathered, self.model, self._weight_of(i)[:, live], lambda: self._less(i)[:, live]
+            gathered,
+            self.model,
+            self._weight_of(i)[:, live],
+            lambda: self._less(i)[:, live],
+            lambda: self._where_slack(i)[:, live],
         )
         return sums.curvature @ parts[live], sums.matrix @ parts[live]
 

@@ -56,6 +56,44 @@ class RunTotals:
 
 
 @dataclass(frozen=True)
+class EquationWeights:
+    """Inverse covariance of the equations' residuals, (5, 5) over ``Row``, and what comes on top of it.
+
+    Attributes:
+        everywhere: at every moment. at_rest: on top where the motor stands; None: nothing does.
+        where_slack: on top where the cable is slack.
+    """
+
+    everywhere: Array
+    where_slack: Array
+    at_rest: Array | None = None
+
+    @classmethod
+    def of(cls, weights: Array, at_rest: Array | None = None) -> EquationWeights:
+        """Those of equations of which the cable's says nothing while the cable is slack.
+
+        What it tells elsewhere of the noise that all share, the tension's above all, is not known at such
+        moments: there the others weigh as they do without it, by the Schur complement.
+        """
+        own = weights[Row.CABLE, Row.CABLE]
+        if own <= 0.0:  # of a motor alone
+            return cls(weights, np.zeros_like(weights), at_rest)
+        return cls(weights, -np.outer(weights[:, Row.CABLE], weights[Row.CABLE]) / own, at_rest)
+
+    def on_average(self, slack: float) -> Array:
+        """Of products over samples of which this share is slack, (5, 5); the cable's are of the others."""
+        less = self.where_slack.copy()
+        less[Row.CABLE], less[:, Row.CABLE] = 0.0, 0.0
+        return np.asarray(self.everywhere + slack * less)
+
+    @classmethod
+    def alike(cls) -> EquationWeights:
+        """Of products of residuals as they are."""
+        ones = np.ones((len(Row), len(Row))) / EFFECTIVE_SHARE
+        return cls(ones, np.zeros_like(ones))
+
+
+@dataclass(frozen=True)
 class RunConstants:
     """How far the zeros scatter from run to run, and what one unit of each adds to the equations.
 
@@ -76,22 +114,14 @@ class RunConstants:
         """What one standard deviation of each source adds to the equations of a group, (5, 4)."""
         return np.asarray(self.shares[key] * self.spreads)
 
-    def pull(
-        self, key: GroupKey, totals: Sequence[RunTotals], pick: Pick, weights: Array, at_rest: Array | None
-    ) -> Array:
-        """Weighted products of features with one standard deviation of each source, (runs, k, 4).
+    def pull(self, key: GroupKey, totals: Sequence[RunTotals], pick: Pick, weights: EquationWeights) -> Array:
+        """Weighted products of features with one standard deviation of each source, (runs, k, 4)."""
+        return np.asarray(with_constants(totals, pick, weights) @ self.scaled(key))
 
-        Args:
-            weights: of the equations, (5, 5); ``at_rest`` comes on top of them where the motor stands.
-        """
-        return np.asarray(with_constants(totals, pick, weights, at_rest) @ self.scaled(key))
-
-    def grip(
-        self, key: GroupKey, totals: Sequence[RunTotals], weights: Array, at_rest: Array | None
-    ) -> Array:
+    def grip(self, key: GroupKey, totals: Sequence[RunTotals], weights: EquationWeights) -> Array:
         """Posterior covariance of the sources in units of their standard deviations, (runs, 4, 4)."""
         share = self.scaled(key)
-        told = share.T @ of_constants(totals, weights, at_rest) @ share
+        told = share.T @ of_constants(totals, weights) @ share
         return np.asarray(np.linalg.inv(np.eye(len(SOURCES)) + told))
 
 
@@ -116,11 +146,11 @@ class Offsets:
         Args:
             told: coefficients of the model's active features, (k,).
         """
-        alike = np.ones((len(Row), len(Row))) / EFFECTIVE_SHARE
+        alike = EquationWeights.alike()
         spread = np.zeros((len(Row), len(told)))
         spread[model.rows, np.arange(len(told))] = told
-        cross = (spread @ with_constants(totals, model.pick, alike, None)) * self.rows[:, None, :]
-        square = of_constants(totals, alike, None) * self.rows[:, :, None] * self.rows[:, None, :]
+        cross = (spread @ with_constants(totals, model.pick, alike)) * self.rows[:, None, :]
+        square = of_constants(totals, alike) * self.rows[:, :, None] * self.rows[:, None, :]
         return np.asarray(products + (square - cross - cross.transpose(0, 2, 1)).sum(axis=0))
 
 
@@ -146,24 +176,27 @@ def taken_up_by_folds(grip: Array, pull: Array, folds: Sequence[Any]) -> Array:
     return np.stack([taken_up(pull[runs], grip[runs], pull[runs]) for runs in folds])
 
 
-def with_constants(totals: Sequence[RunTotals], pick: Pick, weights: Array, at_rest: Array | None) -> Array:
+def with_constants(totals: Sequence[RunTotals], pick: Pick, weights: EquationWeights) -> Array:
     """Weighted products of features with a constant in every equation, (runs, k, 5)."""
     values = np.stack([t.values for t in totals])[:, :, pick.signals, None]
     unseen = np.repeat(pick.cable[:, None], len(Row), axis=1)  # a slack cable says nothing of its length
     unseen[:, Row.CABLE] = True
-    found = (values[:, 0] - values[:, 1] * unseen) * weights[pick.rows]
-    if at_rest is not None:
-        found += values[:, 2] * at_rest[pick.rows]
+    found = (values[:, 0] - values[:, 1] * unseen) * weights.everywhere[pick.rows]
+    found += values[:, 1] * ~unseen * weights.where_slack[pick.rows]
+    if weights.at_rest is not None:
+        found += values[:, 2] * weights.at_rest[pick.rows]
     return np.asarray(EFFECTIVE_SHARE * found)
 
 
-def of_constants(totals: Sequence[RunTotals], weights: Array, at_rest: Array | None) -> Array:
+def of_constants(totals: Sequence[RunTotals], weights: EquationWeights) -> Array:
     """Weighted products of constants in the equations with each other, (runs, 5, 5)."""
     counts = np.stack([t.counts for t in totals])[:, :, None, None]
     cable = np.arange(len(Row)) == Row.CABLE
-    found = (counts[:, 0] - counts[:, 1] * np.logical_or.outer(cable, cable)) * weights
-    if at_rest is not None:
-        found += counts[:, 2] * at_rest
+    unseen = np.logical_or.outer(cable, cable)
+    found = (counts[:, 0] - counts[:, 1] * unseen) * weights.everywhere
+    found += counts[:, 1] * ~unseen * weights.where_slack
+    if weights.at_rest is not None:
+        found += counts[:, 2] * weights.at_rest
     return np.asarray(EFFECTIVE_SHARE * found)
 
 
@@ -269,28 +302,36 @@ class Sums:
         rest = None if self.rest is None else self.rest - self.rest_samples * noise
         return replace(self, products=self.products - added, loose=loose, rest=rest)
 
-    def across(
-        self, left: Array, pick: Pick, weights: Array, other: Pick, at_rest: Array | None = None
-    ) -> Array:
+    def across(self, left: Array, pick: Pick, weights: EquationWeights, other: Pick) -> Array:
         """Weighted products of combinations of features with single ones, (m, n).
 
         Args:
-            left: combinations, (m, k), of the features ``pick``.
-            weights: of the equations, (5, 5); ``at_rest`` comes on top of them where the motor stands.
-            other: the single features, n of them.
+            left: combinations, (m, k), of the features ``pick``. other: the single features, n of them.
         """
         result = np.zeros((len(left), len(other.rows)))
         for row in np.unique(other.rows):
             here = other.rows == row
-            weighted = left * weights[pick.rows, row]
+            weighted = left * weights.everywhere[pick.rows, row]
             found = weighted @ self.products[pick.signals]
             if self.loose is not None:
                 unseen = weighted if row == Row.CABLE else weighted * pick.cable
-                found -= unseen @ self.loose[pick.signals]
-            if at_rest is not None and self.rest is not None:
-                found += (left * at_rest[pick.rows, row]) @ self.rest[pick.signals]
+                slack = left * weights.where_slack[pick.rows, row] * (~pick.cable & (row != Row.CABLE))
+                found += (slack - unseen) @ self.loose[pick.signals]
+            if weights.at_rest is not None and self.rest is not None:
+                found += (left * weights.at_rest[pick.rows, row]) @ self.rest[pick.signals]
             result[:, here] = found[:, other.signals[here]]
         return result
+
+    def among(self, pick: Pick, weights: EquationWeights) -> Array:
+        """Weighted products of features with each other, (k, k), without what comes on top at rest."""
+
+        def of_products(of_equations: Array) -> Array:
+            return of_equations.take(pick.rows, axis=0).take(pick.rows, axis=1)
+
+        found = self.of(pick) * of_products(weights.everywhere)
+        if self.loose is not None:
+            found += pick.among(self.loose) * (1.0 - pick.in_cable) * of_products(weights.where_slack)
+        return np.asarray(found)
 
 
 def add_among(whole: Array, part: Array, live: IntArray | None) -> None:

@@ -29,11 +29,12 @@ from fingerlab.diagnosis.fit.noise import (
 )
 from fingerlab.diagnosis.fit.priors import prior_penalty, starting_arms
 from fingerlab.diagnosis.fit.solver import Fitter, LeftOut
-from fingerlab.diagnosis.gram.sums import Offsets, Reduced, RunConstants
+from fingerlab.diagnosis.gram.sums import EquationWeights, Offsets, Reduced, RunConstants
 from fingerlab.diagnosis.score.fitted_model import FittedModel, FoldErrors, paired_misfit, sensitivity
 from fingerlab.diagnosis.settings import FULL_ITERATIONS, MOST_ROUNDS, MOST_WANDER, SETTLED
 from fingerlab.diagnosis.signals.conditions import GroupKey
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
+from fingerlab.effects.base import Row
 from fingerlab.sessions.model import Array
 
 
@@ -217,11 +218,14 @@ class Scorer:
         """
         result = 0.0
         for group in self.reduced.groups:
-            exist = np.diag(fitted.weights[group.key]) > 0
-            weights = fitted.weights[group.key][np.ix_(exist, exist)]
-            noise = noise_covariance(fitted.model, fitted.fit.values, group)[np.ix_(exist, exist)]
-            each = float(np.trace(weights @ noise) - np.linalg.slogdet(weights)[1])
-            result += EFFECTIVE_SHARE * group.samples * each
+            weights = fitted.weights[group.key]
+            exist = np.diag(weights) > 0
+            noise = noise_covariance(fitted.model, fitted.fit.values, group)
+            each = np.trace(weights @ noise) - np.linalg.slogdet(weights[np.ix_(exist, exist)])[1]
+            # Where a cable hangs loose its equation is taken to be as far off as its noise, in every model.
+            less = np.trace(EquationWeights.of(weights).where_slack @ noise) + 1.0
+            slack = group.whole.slack_samples * float(weights[Row.CABLE, Row.CABLE] > 0.0)
+            result += EFFECTIVE_SHARE * float(group.samples * each + slack * less)
         return result
 
     def score_in_sample(self, fitted: FittedModel, residuals: bool = False) -> FittedModel:
@@ -395,8 +399,8 @@ class Scorer:
         if self.data.constants is None:
             return None
         group, model = self.reduced.groups[i], fitter.model
-        told, weights = model.features(values, group), fitter.weights[group.key]
-        return self.data.offsets(i, part, model, told, weights, fitter.standing(i))
+        told = model.features(values, group)
+        return self.data.offsets(i, part, model, told, fitter.equation_weights(i))
 
     def residuals_in_sample(self, fitted: FittedModel, own: bool = False) -> FittedModel:
         """The model with the mean products of its residuals where it has seen every run.
@@ -434,8 +438,7 @@ class Scorer:
         found = products_of_rows(model, told, products)
         if self.data.constants is None:
             return found
-        weights = fitter.weights[group.key]
-        offsets = self.data.offsets(i, (k,), model, told, weights, fitter.standing(i))
+        offsets = self.data.offsets(i, (k,), model, told, fitter.equation_weights(i))
         return found if offsets is None else offsets.taken_off(found, model, told, self.data.totals(i, (k,)))
 
 

@@ -18,9 +18,9 @@ from fingerlab.core.progress import Watch
 from fingerlab.diagnosis.equations.features import Feature
 from fingerlab.diagnosis.equations.model import Choice
 from fingerlab.diagnosis.fit.bounded_step import bounded_step
-from fingerlab.diagnosis.fit.data import Data, Weights, feature_weights
+from fingerlab.diagnosis.fit.data import Data, Weights
 from fingerlab.diagnosis.fit.solver import Fitter
-from fingerlab.diagnosis.gram.sums import taken_up
+from fingerlab.diagnosis.gram.sums import EquationWeights, taken_up
 from fingerlab.diagnosis.score.evidence import Evidence, judge
 from fingerlab.diagnosis.score.fitted_model import FittedModel, at_assumed_bounds, at_bounds
 from fingerlab.diagnosis.score.scorer import Scorer
@@ -66,13 +66,14 @@ class ScoreTest:
         self.groups = []
         for i, group in enumerate(data.groups):
             raw, clean = data.raw(i, None), data.noiseless[i]
-            weights = EFFECTIVE_SHARE * base.weights[group.key]
+            weights = EquationWeights.of(
+                EFFECTIVE_SHARE * base.weights[group.key], EFFECTIVE_SHARE * fitter.standing(i)
+            )
             h, jacobian = model.coefficients(values, group)
-            still = EFFECTIVE_SHARE * fitter.standing(i)
             every = self.layout.every
-            pull = clean.across(h[None], model.pick, weights, every, still)[0]
-            cross = raw.across(jacobian[:, self.free].T, model.pick, weights, every, still)
-            own = data.by_constants(i, None, base.weights[group.key], fitter.standing(i), (model.pick, every))
+            pull = clean.across(h[None], model.pick, weights, every)[0]
+            cross = raw.across(jacobian[:, self.free].T, model.pick, weights, every)
+            own = data.by_constants(i, None, fitter.equation_weights(i), (model.pick, every))
             if own is not None:
                 grip, (mine, theirs) = own
                 of_all = taken_up(mine, grip, theirs)
@@ -102,7 +103,7 @@ class ScoreTest:
         theirs = self.layout.every[places]
         for raw, weights, pull, cross, unit, own in self.groups:
             columns = pick * unit[places][:, None]
-            among = raw.of(theirs) * feature_weights(weights, theirs.rows)
+            among = raw.among(theirs, weights)
             if own is not None:
                 among -= taken_up(own[1][:, places], own[0], own[1][:, places])
             curvature += columns.T @ among @ columns
