@@ -216,7 +216,7 @@ class Data:
 
     def _gathered(self, i: int, parts: Sequence[Sums], pick: Pick) -> Gathered:
         """Of several parts of group ``i``, (parts, k, k)."""
-        noise, taut_noise = self._noise_of(i, pick)
+        noise, taut_noise = self._noise_of(i, pick)  # at a slack sample and at a taut one
         raw = _of_each(pick, [part.products for part in parts])
         loose = _of_each(pick, [part.loose for part in parts])
         still = _of_each(pick, [part.rest for part in parts])
@@ -229,18 +229,19 @@ class Data:
             np.array(counts)[:, None, None]
             for counts in zip(*((p.samples, p.taut_samples, p.rest_samples) for p in parts), strict=True)
         )
+        slack_noise = (samples - taut) * np.where(pick.in_cable, 0.0, noise)
         return Gathered(
             raw,
-            raw - np.where(pick.in_cable, taut * taut_noise, samples * noise),
+            raw - taut * taut_noise - slack_noise,
             still,
-            None if still is None else still - rest * noise,
+            None if still is None else still - rest * taut_noise,
             None if loose is None else loose * pick.both_cable,
             others,
-            None if others is None else others - (samples - taut) * np.where(pick.in_cable, 0.0, noise),
+            None if others is None else others - slack_noise,
         )
 
     def _noise_of(self, i: int, pick: Pick) -> tuple[Array, Array]:
-        """What noise adds to the features' products at one sample of a group and at a taut one, (k, k)."""
+        """What noise adds to the features' products at a slack sample of a group and at a taut one, (k, k)."""
         signals, place = pick.each_once
         key = i, signals.tobytes()
         if key not in self._noise:

@@ -43,9 +43,9 @@ def noise_of_a_sample(group: Group, square: Any = slice(None)) -> Array:
 
 
 def limited_noise(group: Group, signals: IntArray) -> tuple[Array, Array]:
-    """What noise adds to the products of some signals at one sample, and at a taut one, (n, n) each.
+    """What noise adds to the products of some signals at a slack sample and at a taut one, (n, n) each.
 
-    It is cut back to what the recordings hold in every combination of these signals: the noise is read from
+    It is cut back to what such moments hold in every combination of these signals: the noise is read from
     the runs with a cycle, and in a combination that those runs happen to excite more than the others it
     would exceed the whole, and a fit could run away along it. Only the signals of one model are looked at
     together, for so many as the catalogue has would share out the noise of a short recording among them
@@ -63,8 +63,10 @@ def limited_noise(group: Group, signals: IntArray) -> tuple[Array, Array]:
     limited = _limited(noise, every / whole.samples)
     if whole.loose is None:
         return limited, limited
-    # Few taut moments hold little of it; what is not in them says nothing of how noisy the others are.
-    return limited, _limited(limited, (every - whole.loose[square]) / max(whole.taut_samples, 1))
+    # Each by its own moments: the equations' weights differ, and what one has too much the other cannot lack.
+    loose = whole.loose[square]
+    slack = _limited(limited, loose / max(whole.slack_samples, 1))
+    return slack, _limited(limited, (every - loose) / max(whole.taut_samples, 1))
 
 
 def _limited(noise: Array, whole: Array) -> Array:
