@@ -32,6 +32,7 @@ from fingerlab.diagnosis.settings import (
     MOST_NOISE,
     RIDGE,
     TIP_FRICTION_SPREAD,
+    WANDER,
 )
 from fingerlab.effects.base import Row
 from fingerlab.sessions.model import Array
@@ -250,13 +251,21 @@ def scatter_of_runs(model: Model, values: Array, group: Group, means: bool) -> A
 def floor_covariance(model: Model, values: Array, group: Group, weights: Array, means: bool) -> Array:
     """Covariance (5, 5) of what no model can better, of one sample: of noise, and of what runs differ by.
 
-    A score's misfit allows for that of a friction that wanders by itself, see ``own_to_a_run``.
+    Where no motion was told twice, what runs differ by is what their friction does, as in the score: see
+    ``own_to_a_run``.
 
     Args:
         means: whether what runs leave on their averages counts, see :func:`scatter_of_runs`.
     """
     floor = misfit_floor(model, values, group, weights)
-    return floor + scatter_of_runs(model, values, group, means) if group.repeats else floor
+    if not group.repeats:
+        return floor
+    if group.repeated_cycles:
+        return floor + scatter_of_runs(model, values, group, means)
+    products = group.whole.of(model.pick)
+    for mine in model.wandering:
+        floor = floor + WANDER**2 * row_covariance(model, values, group, products, group.samples, mine)
+    return floor
 
 
 def misfit_floor(model: Model, values: Array, group: Group, weights: Array) -> Array:
