@@ -7,12 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.signal import firwin, freqz
+from scipy.signal import butter, firwin, freqz, sosfiltfilt
 
 from fingerlab.diagnosis.answer.errors import equation_errors, run_shares
 from fingerlab.diagnosis.answer.results import EquationError
+from fingerlab.diagnosis.equations.model import Choice
 from fingerlab.diagnosis.gram.reduction import reduce_sessions
 from fingerlab.diagnosis.score.scorer import Scorer
+from fingerlab.effects import CATALOGUE
 
 from . import closed_form as made
 
@@ -49,6 +51,27 @@ def test_floor_of_the_motor_is_at_least_the_noise_of_its_current(plain: dict[str
     inertial = made.INERTIA * bench.position_noise * np.sqrt(passed(2))
     own = np.hypot(bench.torque_noise * np.sqrt(passed(0)), inertial)
     assert own < plain["motor_torque"].floor < 1.5 * own
+
+
+def test_floor_holds_what_friction_differs_by_from_run_to_run() -> None:
+    """No run is told twice: a twentieth of the friction's own torque on top, from the joints' true speeds."""
+    friction = (3e-3, 2e-3)  # N m s/rad
+    bench = made.Bench(missing=made.Missing(viscous=friction))
+    session = made.session(bench, 4, contact=0)
+    effect = CATALOGUE["viscous_friction"]
+    scorer = Scorer(reduce_sessions([session], [effect]))
+    fitted = scorer.score_held_out(scorer.fit_reweighted([Choice(effect)]), residuals=True)
+    cycles, whole = (
+        equation_errors(scorer.reduced, fitted, alone)["joint_torque"].floor for alone in (True, False)
+    )
+    low_pass = butter(4, 8.0, fs=made.RATE, output="sos")
+    squares = []
+    for run in session.runs:
+        channels = run.load()
+        for name, coefficient in zip(("mcp_angle", "pip_angle"), friction, strict=True):
+            speed = made.RATE * np.gradient(sosfiltfilt(low_pass, channels[name]))[1000:-1000]
+            squares.append(np.mean((0.05 * (coefficient + bench.trace) * speed) ** 2))
+    assert whole**2 - cycles**2 == pytest.approx(np.mean(squares), rel=0.06)
 
 
 def test_a_whole_model_is_at_its_floor(plain: dict[str, EquationError]) -> None:

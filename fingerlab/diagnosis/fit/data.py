@@ -241,7 +241,7 @@ class Data:
         )
 
     def _noise_of(self, i: int, pick: Pick) -> tuple[Array, Array]:
-        """What noise adds to the features' products at a slack sample of a group and at a taut one, (k, k)."""
+        """What noise adds to products of features at a slack sample of a group and at a taut one, (k, k)."""
         signals, place = pick.each_once
         key = i, signals.tobytes()
         if key not in self._noise:
