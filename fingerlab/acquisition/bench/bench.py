@@ -282,9 +282,9 @@ def endangered(status: Status, rate_hz: float) -> str:
 def notices(before: Status, now: Status, rate_hz: float) -> tuple[Notice, ...]:
     """What is new since the last look."""
     told = []
+    fault = now.fault or "The control loop has ended; connect the device again."
     if now.faults != before.faults or (now.loop_ended and not before.loop_ended):
-        sentence = now.fault or "The control loop has ended; connect the device again."
-        told.append(Notice(Kind.STOPPED, sentence, grave=True))
+        told.append(Notice(Kind.STOPPED, fault, grave=True))
     elif now.latched and not before.latched:
         told.append(Notice(Kind.STOPPED, "The bench was stopped by the operator."))
     if now.recorder and now.recorder != before.recorder:
@@ -295,7 +295,10 @@ def notices(before: Status, now: Status, rate_hz: float) -> tuple[Notice, ...]:
         sentence = f"{lost} {'sample' if lost == 1 else 'samples'} lost; the run has {gaps} and goes on"
         told.append(Notice(Kind.LOST, sentence))
     if now.recorded_runs > before.recorded_runs:
-        told.append(Notice(Kind.RUN, now.verdict, grave=not now.usable))
+        # In the same place as the fault that ended it, which must not be lost for it.
+        ended_by = fault if now.loop_ended else now.fault
+        sentence = now.verdict if now.usable else f"{ended_by} {now.verdict}".strip()
+        told.append(Notice(Kind.RUN, sentence, grave=not now.usable))
     if now.sensors and now.sensors != before.sensors:
         told.append(Notice(Kind.SENSOR, now.sensors))
     told.extend(_of_lines(before, now, rate_hz))
