@@ -279,12 +279,15 @@ def endangered(status: Status, rate_hz: float) -> str:
     return ", ".join(parts)
 
 
+LOOP_ENDED = "The control loop has ended; connect the device again."
+
+
 def notices(before: Status, now: Status, rate_hz: float) -> tuple[Notice, ...]:
     """What is new since the last look."""
     told = []
-    fault = now.fault or "The control loop has ended; connect the device again."
+    fault = now.fault or (LOOP_ENDED if now.loop_ended else "")
     if now.faults != before.faults or (now.loop_ended and not before.loop_ended):
-        told.append(Notice(Kind.STOPPED, fault, grave=True))
+        told.append(Notice(Kind.STOPPED, fault or LOOP_ENDED, grave=True))
     elif now.latched and not before.latched:
         told.append(Notice(Kind.STOPPED, "The bench was stopped by the operator."))
     if now.recorder and now.recorder != before.recorder:
@@ -296,8 +299,7 @@ def notices(before: Status, now: Status, rate_hz: float) -> tuple[Notice, ...]:
         told.append(Notice(Kind.LOST, sentence))
     if now.recorded_runs > before.recorded_runs:
         # In the same place as the fault that ended it, which must not be lost for it.
-        ended_by = fault if now.loop_ended else now.fault
-        sentence = now.verdict if now.usable else f"{ended_by} {now.verdict}".strip()
+        sentence = now.verdict if now.usable else f"{fault} {now.verdict}".strip()
         told.append(Notice(Kind.RUN, sentence, grave=not now.usable))
     if now.sensors and now.sensors != before.sensors:
         told.append(Notice(Kind.SENSOR, now.sensors))

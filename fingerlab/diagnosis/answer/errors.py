@@ -319,12 +319,13 @@ def _shares_of_rows(fitted: FittedModel, group: Group) -> list[dict[Row, float]]
     """Share of each fold's misfit that each of its equations has; together 1."""
     noise = misfit_floor(fitted.model, fitted.fit.values, group, fitted.weights[group.key])
     weights = fitted.weights[group.key]
+    by_moments = EquationWeights.of(weights)
     # Where the tip is, an equation says in contact alone.
     rows = [row for row in Row if weights[row, row] > 0 and (row != Row.TIP or group.in_contact)]
     found = []
     for fold, residuals in zip(group.folds, fitted.folds[group.key].residuals, strict=True):
         mean = residuals / max(fold.samples, 1)
-        own = EquationWeights.of(weights).on_average(fold.slack_samples / max(fold.samples, 1))
+        own = by_moments.on_average(fold.slack_samples / max(fold.samples, 1))
         missed = np.maximum(np.einsum("ij,ij->i", own, mean - noise), 0.0)
         whole = float(missed[rows].sum())
         found.append({row: float(missed[row]) / whole if whole > 0 else 1.0 / len(rows) for row in rows})

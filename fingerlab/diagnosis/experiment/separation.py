@@ -30,11 +30,11 @@ from fingerlab.diagnosis.equations.features import Layout, Pick
 from fingerlab.diagnosis.equations.model import Model, build
 from fingerlab.diagnosis.equations.parameters import TORQUE_ZERO
 from fingerlab.diagnosis.fit.bounded_step import scaled_inverse
-from fingerlab.diagnosis.fit.data import Weights, feature_weights, own_to_a_run
+from fingerlab.diagnosis.fit.data import Weights, own_to_a_run
 from fingerlab.diagnosis.fit.noise import torque_noise
 from fingerlab.diagnosis.gram.decimation import Decimated, decimated_columns
 from fingerlab.diagnosis.gram.run_sums import difference_alone, in_common
-from fingerlab.diagnosis.gram.sums import Group, Reduced, Sums
+from fingerlab.diagnosis.gram.sums import Group, Reduced, Sums, feature_weights
 from fingerlab.diagnosis.score.calibration import CalibrationTable, Odds, answer_distances, calibration
 from fingerlab.diagnosis.score.evidence import Evidence
 from fingerlab.diagnosis.score.fitted_model import FittedModel

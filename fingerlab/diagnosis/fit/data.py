@@ -344,11 +344,6 @@ def _of_each(pick: Pick, products: Sequence[Array | None]) -> Array | None:
     return found
 
 
-def feature_weights(weights: Array, rows: IntArray) -> Array:
-    """Weight of each product of features, (k, k)."""
-    return weights.take(rows, axis=0).take(rows, axis=1)
-
-
 def temperature(misfit: float, count: float, runs: int = 0) -> float:
     """How much less than its face value a misfit of ``count`` independent values weighs.
 

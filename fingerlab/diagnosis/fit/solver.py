@@ -23,13 +23,12 @@ from fingerlab.diagnosis.fit.data import (
     Gathered,
     Weighted,
     Weights,
-    feature_weights,
     own_to_a_run,
     tells_set_down,
     temperature,
 )
 from fingerlab.diagnosis.fit.own_parts import Beyond, Own
-from fingerlab.diagnosis.gram.sums import EquationWeights, taken_up, taken_up_by_folds
+from fingerlab.diagnosis.gram.sums import EquationWeights, feature_weights, taken_up, taken_up_by_folds
 from fingerlab.diagnosis.settings import (
     LEAST_GAIN,
     LEAST_GAIN_SHARE,

@@ -61,7 +61,7 @@ class EquationWeights:
 
     Attributes:
         everywhere: at every moment. at_rest: on top where the motor stands; None: nothing does.
-        where_slack: on top where the cable is slack.
+        where_slack: on top where the cable is slack; takes all weight from its equation.
     """
 
     everywhere: Array
@@ -88,9 +88,10 @@ class EquationWeights:
 
     @classmethod
     def alike(cls) -> EquationWeights:
-        """Of products of residuals as they are."""
+        """Of products of residuals as they are; of a slack cable's there are none."""
         ones = np.ones((len(Row), len(Row))) / EFFECTIVE_SHARE
-        return cls(ones, np.zeros_like(ones))
+        cable = np.arange(len(Row)) == Row.CABLE
+        return cls(ones, -ones * np.logical_or.outer(cable, cable))
 
 
 @dataclass(frozen=True)
@@ -179,10 +180,7 @@ def taken_up_by_folds(grip: Array, pull: Array, folds: Sequence[Any]) -> Array:
 def with_constants(totals: Sequence[RunTotals], pick: Pick, weights: EquationWeights) -> Array:
     """Weighted products of features with a constant in every equation, (runs, k, 5)."""
     values = np.stack([t.values for t in totals])[:, :, pick.signals, None]
-    unseen = np.repeat(pick.cable[:, None], len(Row), axis=1)  # a slack cable says nothing of its length
-    unseen[:, Row.CABLE] = True
-    found = (values[:, 0] - values[:, 1] * unseen) * weights.everywhere[pick.rows]
-    found += values[:, 1] * ~unseen * weights.where_slack[pick.rows]
+    found = values[:, 0] * weights.everywhere[pick.rows] + values[:, 1] * weights.where_slack[pick.rows]
     if weights.at_rest is not None:
         found += values[:, 2] * weights.at_rest[pick.rows]
     return np.asarray(EFFECTIVE_SHARE * found)
@@ -191,10 +189,7 @@ def with_constants(totals: Sequence[RunTotals], pick: Pick, weights: EquationWei
 def of_constants(totals: Sequence[RunTotals], weights: EquationWeights) -> Array:
     """Weighted products of constants in the equations with each other, (runs, 5, 5)."""
     counts = np.stack([t.counts for t in totals])[:, :, None, None]
-    cable = np.arange(len(Row)) == Row.CABLE
-    unseen = np.logical_or.outer(cable, cable)
-    found = (counts[:, 0] - counts[:, 1] * unseen) * weights.everywhere
-    found += counts[:, 1] * ~unseen * weights.where_slack
+    found = counts[:, 0] * weights.everywhere + counts[:, 1] * weights.where_slack
     if weights.at_rest is not None:
         found += counts[:, 2] * weights.at_rest
     return np.asarray(EFFECTIVE_SHARE * found)
@@ -311,12 +306,9 @@ class Sums:
         result = np.zeros((len(left), len(other.rows)))
         for row in np.unique(other.rows):
             here = other.rows == row
-            weighted = left * weights.everywhere[pick.rows, row]
-            found = weighted @ self.products[pick.signals]
+            found = (left * weights.everywhere[pick.rows, row]) @ self.products[pick.signals]
             if self.loose is not None:
-                unseen = weighted if row == Row.CABLE else weighted * pick.cable
-                slack = left * weights.where_slack[pick.rows, row] * (~pick.cable & (row != Row.CABLE))
-                found += (slack - unseen) @ self.loose[pick.signals]
+                found += (left * weights.where_slack[pick.rows, row]) @ self.loose[pick.signals]
             if weights.at_rest is not None and self.rest is not None:
                 found += (left * weights.at_rest[pick.rows, row]) @ self.rest[pick.signals]
             result[:, here] = found[:, other.signals[here]]
@@ -324,14 +316,15 @@ class Sums:
 
     def among(self, pick: Pick, weights: EquationWeights) -> Array:
         """Weighted products of features with each other, (k, k), without what comes on top at rest."""
-
-        def of_products(of_equations: Array) -> Array:
-            return of_equations.take(pick.rows, axis=0).take(pick.rows, axis=1)
-
-        found = self.of(pick) * of_products(weights.everywhere)
+        found = pick.among(self.products) * feature_weights(weights.everywhere, pick.rows)
         if self.loose is not None:
-            found += pick.among(self.loose) * (1.0 - pick.in_cable) * of_products(weights.where_slack)
+            found += pick.among(self.loose) * feature_weights(weights.where_slack, pick.rows)
         return np.asarray(found)
+
+
+def feature_weights(weights: Array, rows: IntArray) -> Array:
+    """Weight of each product of features, (k, k)."""
+    return weights.take(rows, axis=0).take(rows, axis=1)
 
 
 def add_among(whole: Array, part: Array, live: IntArray | None) -> None:

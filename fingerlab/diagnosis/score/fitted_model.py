@@ -20,10 +20,10 @@ import numpy as np
 from fingerlab.diagnosis.equations.features import BoolArray
 from fingerlab.diagnosis.equations.model import Choice, Model
 from fingerlab.diagnosis.fit.bounded_step import bounded_step
-from fingerlab.diagnosis.fit.data import Weights, feature_weights, own_to_a_run, temperature
+from fingerlab.diagnosis.fit.data import Weights, own_to_a_run, temperature
 from fingerlab.diagnosis.fit.noise import noise_of_a_sample
 from fingerlab.diagnosis.fit.solver import Fit, Fitter
-from fingerlab.diagnosis.gram.sums import Group, PairSums
+from fingerlab.diagnosis.gram.sums import Group, PairSums, feature_weights
 from fingerlab.diagnosis.settings import AT_BOUND, CLEARLY_SHOWN, MOST_PAIRED
 from fingerlab.diagnosis.signals.conditions import GroupKey
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
