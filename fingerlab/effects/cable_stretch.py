@@ -1,8 +1,12 @@
 """A cable that gives, with a damper beside its spring."""
 
 import math
+from collections.abc import Sequence
 
-from fingerlab.effects.base import Effect, Example, Formula, Row, Shape, Term, times
+import numpy as np
+
+from fingerlab.effects.base import Effect, Example, Formula, Row, Shape, Term, either, of_shape, times
+from fingerlab.effects.transmission import CABLES, DRIVE, SHARES, driven_tension, sheath_loss
 from fingerlab.physics.friction_states import first_order_lags, with_grid
 from fingerlab.physics.motion import Motion
 from fingerlab.physics.parameter import Parameter
@@ -12,31 +16,54 @@ LAGS_S = (0.004, 0.008, 0.016, 0.032)
 """Time constants of a damper beside the cable's spring, s; assumed."""
 
 
+SHEATH = {
+    f"sheath_{name}": (of_shape("capstan_friction", name),)
+    for name in ("travel_deg", "sharpness", "held", "stretch_behind")
+}
+"""Numbers of a shape that tell where a sheath lies and how it sticks."""
+
+
 def columns(motion: Motion, shape: Shape) -> list[Term]:
     """What a damper beside the cable's spring takes from the stretch: the tension lags by the time constant.
 
-    The stretch itself is the compliance that every model carries, set free; these terms replace the tension
-    in it by the lagging one.
+    The stretch itself is the compliance that every model carries, set free; this term replaces the tension in
+    it by the lagging one: what motor, gearbox and a sheath before it leave the cable. Beside a rotor that
+    nobody weighed the torque's lag alone would miss as much as the tension's.
     """
     time_constant = shape["time_constant"]
     if time_constant == 0:
         return []
 
     constants = with_grid(time_constant, LAGS_S)
+    told = tuple(shape.get(name, 0.0) for name in FOLLOWING)
+    keys = [("lag", *told, constant) for constant in constants]
+    tension = _stretching(motion, shape)
+    lagging = motion.remember_each(
+        keys[0], keys, lambda: first_order_lags(tension, constants, motion.sample_rate_hz)
+    )
+    return [Term(Row.CABLE, "", lagging - tension, "compliance", constant=-1.0)]
 
-    def change(name: str, values: Array) -> Array:
-        keys = [("lag", name, constant) for constant in constants]
-        lagging = motion.remember_each(
-            keys[0], keys, lambda: first_order_lags(values, constants, motion.sample_rate_hz)
-        )
-        return lagging - values
 
-    inertia = motion.motor.inertia or 0.0
-    return [
-        Term(Row.CABLE, "", change("tension", motion.tension), "compliance", constant=-1.0),
-        Term(Row.CABLE, "", change("pull", motion.inertial_pull), "compliance", constant=inertia),
-    ]
+def _stretching(motion: Motion, shape: Shape) -> Array:
+    """Tension on the cable's spring, N, (n,), as far as the shape tells what is lost before it."""
+    tension = driven_tension(motion, shape)
+    cable = next((name for name, sign in CABLES.items() if sign == motion.cable_sign), "")
+    share = shape.get(f"share_{cable}", 0.0)
+    if not (share and shape["sheath_stretch_behind"]):
+        return tension
+    sheath = {name: shape[f"sheath_{name}"] for name in ("travel_deg", "sharpness", "held")}
+    return np.asarray(tension - share * sheath_loss(motion, {**shape, **sheath}, cable))
 
+
+def _closer(shape: Shape) -> Sequence[Shape]:
+    """Around the time constant found, or below the grid's least where none was."""
+    if shape["time_constant"] == 0.0:
+        return either("time_constant", (0.0, LAGS_S[0] / 4, LAGS_S[0] / 2, LAGS_S[0]))(shape)
+    return times("time_constant")(shape)
+
+
+FOLLOWING = {**DRIVE, **SHARES, **SHEATH}
+"""What a shape takes from the unknowns of its model, and from the sheath's shape."""
 
 EFFECT = Effect(
     id="cable_stretch",
@@ -47,7 +74,8 @@ EFFECT = Effect(
     columns=columns,
     shapes=tuple({"time_constant": value} for value in (0.0, *LAGS_S)),
     shape_units={"time_constant": "s"},
-    closer=times("time_constant"),
+    closer=_closer,
+    follows=FOLLOWING,
     relaxes={
         "cable_compliance": Parameter(
             "m/N", 0.0, 5e-3, 1e-4, "assumed: a fabric glove gives 2 mm a newton", "cable compliance"
@@ -77,7 +105,7 @@ EFFECT = Effect(
     example=Example(
         {"time_constant": 1.0 / math.log(2.0)},
         {"torque": [0.0, 0.02, 0.02]},
-        {"CABLE ": [0.0, -1.0, -0.5]},
+        {"CABLE ": [0.0, -1.0 / math.log(2.0), -0.5 / math.log(2.0)]},
         sample_rate_hz=1.0,
     ),
 )

@@ -1,9 +1,6 @@
 """The sheath takes its share of the tension."""
 
 from collections.abc import Sequence
-from dataclasses import replace
-
-import numpy as np
 
 from fingerlab.effects.base import (
     HALF_OCTAVE,
@@ -16,25 +13,21 @@ from fingerlab.effects.base import (
     Term,
     either,
     every,
-    of_shape,
     times,
 )
 from fingerlab.effects.transmission import (
+    CABLES,
     DRIVE,
+    MOST_SHARE,
+    SHARES,
     USUAL_STICKING_DEG,
     WINDING_TRAVELS_DEG,
-    driven_tension,
     pull_terms,
-    winding_state,
+    sheath_loss,
 )
-from fingerlab.physics.friction_states import first_order_lags, friction_state, rubbing_forces
-from fingerlab.physics.motion import Motion, nothing
+from fingerlab.physics.motion import Motion
 from fingerlab.physics.parameter import Parameter
-from fingerlab.sessions.model import Array
 
-CABLES = {"extension": -1, "flexion": 1}
-"""Each has a sheath of its own: on the back of the hand a cable bends over the knuckles, in the palm it may
-run nearly straight."""
 HELD_TRAVELS_DEG = (0.1, 0.2, 0.8)
 """Travel over which a cable that is held in its sheath slides at a tension of REFERENCE_PULL_N, degrees at
 the pulley; assumed: what a stiff cable of 2e-5 m/N stretches under its friction on a pulley of 10 to 15 mm. A
@@ -42,64 +35,14 @@ gearbox, whose friction also grows with the load, winds up by more, and so does 
 OTHER_HELD_TRAVELS_DEG = tuple(0.1 * 2.0 ** (k / 2) for k in range(-1, 8))
 """Where they are looked for when a cable that follows the tension was found: from the stiff cable's to eight
 times as far, for a sheath of textile on a soft glove."""
-LAG = "stretch_lag"
-"""Number of a shape: the time constant by which the stretch was found to lag behind the tension, s."""
-SHARE = "share_"
-"""Before a cable's name: the share that its sheath was found to take."""
-MOST_SHARE = 0.7
-"""Of the tension; friction of 0.2 over 350 degrees of bends, assumed."""
-LEAST_TRAVEL = 0.05
-"""Of the other sheath's: what takes less than a twentieth of it is not seen to stick; assumed."""
-
-REFERENCE_PULL_N = 5.0
-"""Tension at which the travel of a friction that grows with the load is told, N: what sticks has one spring,
-so that it slides over twice the travel at twice the load. Assumed; only a scale."""
 
 
 def columns(motion: Motion, shape: Shape) -> list[Term]:
     """The sheath takes its share of the tension in the cable, before or behind what stretches.
 
-    The share follows the tension of the moment or, where ``held``, only as far as what sticks is let go: a
-    cable that sticks in its sheath keeps its friction while the tension rises on both ends of it. What motor
-    and gearbox keep for themselves never reaches the sheath.
-
-    What takes the share s of the motor's tension winding in, 1 - exp(-mu phi), gives exp(mu phi) - 1, which
-    is s / (1 - s), of it paying out. A cable whose stretch lags behind its tension lags behind what the
-    sheath takes of it, too. What sticks is equally stiff in either sheath, so that it slides over a travel in
-    proportion to s; the one told is that of the sheath which takes more. On the grid s is small, and the
-    same for both; between its points it is what was found.
+    On the grid the share is small, and the same for both cables; between its points it is what was found.
     """
-    shares = {sign: shape.get(SHARE + cable, 0.0) for cable, sign in CABLES.items()}
-    share, most = shares.get(motion.cable_sign, 0.0), max(shares.values())
-    paying_out = 1.0 / (1.0 - min(share, MOST_SHARE))
-    travel = shape["travel_deg"] * (max(share / most, LEAST_TRAVEL) if most else 1.0)
-    sharpness, held = shape.get("sharpness", 0.0), bool(shape.get("held", 0.0))
-    drive = {name: shape.get(name, 0.0) for name in DRIVE}
-
-    def lost() -> Array:
-        cable = driven_tension(motion, drive)
-        if not held:
-            state = winding_state(motion, travel, sharpness)
-            return cable * np.where(state < 0.0, paying_out, 1.0) * state
-        limit = np.maximum(cable, 0.0)
-
-        def stops(position: Array, reaches: Array) -> Array:
-            return rubbing_forces(position, limit, REFERENCE_PULL_N / reaches, paying_out)
-
-        return friction_state(motion.position, float(np.radians(travel)), sharpness, stops)
-
-    def lagging() -> Array:
-        return first_order_lags(mine, [lag], motion.sample_rate_hz)[0]
-
-    law, lag = (travel, sharpness, held, *drive.values(), paying_out), shape.get(LAG, 0.0)
-    mine = motion.remember(("sheath", *law), lost)
-    late = motion.remember(("sheath", *law, lag), lagging) if lag > 0.0 else mine
-    others = motion.remember(("another sheath", *law), lambda: nothing(len(mine)))
-    terms = []
-    for cable, sign in CABLES.items():
-        own = motion.cable_sign == sign
-        *joints, stretch = pull_terms(cable, mine if own else others)
-        terms += [*joints, replace(stretch, values=late if own else others)]
+    terms = [t for cable in CABLES for t in pull_terms(cable, sheath_loss(motion, shape, cable))]
     return [t for t in terms if shape["stretch_behind"] or t.row != Row.CABLE]
 
 
@@ -130,11 +73,7 @@ def _sheath_closer(shape: Shape) -> Sequence[Shape]:
     return [{**{name: shape[name] for name in FOLLOWING if name in shape}, **one} for one in shapes]
 
 
-FOLLOWING = {
-    **DRIVE,
-    **{SHARE + cable: (f"capstan_friction.{cable}",) for cable in CABLES},
-    LAG: (of_shape("cable_stretch", "time_constant"),),
-}
+FOLLOWING = {**DRIVE, **SHARES}
 """What a shape takes from the unknowns of its model."""
 
 EFFECT = Effect(

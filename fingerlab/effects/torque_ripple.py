@@ -3,18 +3,13 @@
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from fingerlab.effects.base import Effect, Example, Formula, Row, Shape, Term
-from fingerlab.effects.transmission import drive_terms, pull_terms
+from fingerlab.effects.transmission import RIPPLE_ORDERS, drive_terms, pull_terms, turning_with
 from fingerlab.physics.motion import LEAST_PERIODS, Motion, strongest_orders
 from fingerlab.physics.parameter import Limits, Parameter
-
-RIPPLE_ORDERS = (*range(4, 41, 2), *range(44, 61, 4))
-"""Periods a turn of the pulley that are tried; between two of them a travel of 30 degrees shifts the phase by
-a quarter of a radian at most. 4.3:1 gearing puts the motor's 13 commutator segments at 56."""
 
 RIPPLE = Parameter("N m", -0.05, 0.05, 0.003, title="ripple amplitude")
 
@@ -43,7 +38,7 @@ def columns(motion: Motion, shape: Shape) -> list[Term]:
 
     def column(gain: str, of: float, part: str) -> list[Term]:
         pull = motion.remember(
-            ("ripple", of, part), lambda: getattr(_turning(motion, of), part) / motion.radius
+            ("ripple", of, part), lambda: getattr(turning_with(motion, of), part) / motion.radius
         )
         return drive_terms(motion, gain, pull) if motion.finger is None else pull_terms(gain, pull)
 
@@ -93,14 +88,6 @@ def _of_an_axis(shape: Shape) -> str:
             "the weight of a link, or of whatever is out of balance."
         )
     return "The motor's equation misses a torque, which repeats with the motor angle."
-
-
-def _turning(motion: Motion, order: float) -> Any:
-    """exp(i order position), complex (n,); from the usual order two below, which costs a tenth of a sine."""
-    if order <= RIPPLE_ORDERS[0] or order % 2 or order > 2 * RIPPLE_ORDERS[-1]:
-        return motion.remember(("turning", order), lambda: np.exp(1j * order * motion.position))
-    step = motion.remember(("turning", 2), lambda: np.exp(2j * motion.position))
-    return motion.remember(("turning", order), lambda: _turning(motion, order - 2) * step)
 
 
 EFFECT = Effect(

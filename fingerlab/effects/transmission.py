@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 
-from fingerlab.effects.base import Effect, Row, Shape, Term
-from fingerlab.physics.friction_states import friction_state, slip_states, with_grid
-from fingerlab.physics.motion import Motion
+from fingerlab.effects.base import Effect, Row, Shape, Term, of_shape
+from fingerlab.physics.friction_states import friction_state, rubbing_forces, slip_states, with_grid
+from fingerlab.physics.motion import Motion, nothing
 from fingerlab.physics.parameter import Parameter
 from fingerlab.sessions.model import Array
 
@@ -22,27 +23,97 @@ FRICTION = Parameter(
     varies_between_runs=True, holds_at_rest=True,
 )  # fmt: skip
 
+RIPPLE_ORDERS = (*range(4, 41, 2), *range(44, 61, 4))
+"""Periods a turn of the pulley that are tried; between two of them a travel of 30 degrees shifts the phase by
+a quarter of a radian at most. 4.3:1 gearing puts the motor's 13 commutator segments at 56."""
+
 DRIVE = {
     "drive_inertia": ("rotor_inertia", "motor_inertia.inertia"),
     "drive_coulomb": ("motor_coulomb_friction.coulomb",),
     "drive_viscous": ("motor_viscous_friction.viscous",),
+    "drive_travel_deg": (of_shape("motor_coulomb_friction", "travel_deg"),),
+    "drive_sharpness": (of_shape("motor_coulomb_friction", "sharpness"),),
+    "drive_order": (of_shape("torque_ripple", "order"),),
+    "drive_sine": ("torque_ripple.sine",),
+    "drive_cosine": ("torque_ripple.cosine",),
+    "drive_double_sine": ("torque_ripple.double_sine",),
+    "drive_double_cosine": ("torque_ripple.double_cosine",),
 }
-"""Numbers of a shape that tell what motor and gearbox keep for themselves, and the unknowns that they are:
-inertia beyond the rig file's (kg m^2), friction (N m), and viscous friction (N m s/rad)."""
+"""Numbers of a shape that tell what motor and gearbox keep for themselves, and the unknowns or shapes that
+they are: inertia beyond the rig file's (kg m^2), friction (N m) and the travel over which it turns round,
+viscous friction (N m s/rad), and a torque that repeats with the motor's angle (N m), with its double."""
 
 
 def driven_tension(motion: Motion, shape: Shape) -> Array:
-    """Tension that motor and gearbox leave the cable, N, (n,), as far as the shape tells what they keep.
+    """Tension that motor and gearbox leave the cable, N, (n,), as far as the shape tells what they keep."""
+    kept = {name: shape.get(name, 0.0) for name in DRIVE}
 
-    Friction is taken with the usual travel: where the motor turns round, the tension is known to that alone.
+    def driven() -> Array:
+        inertia = (motion.motor.inertia or 0.0) + kept["drive_inertia"]
+        found = motion.tension - inertia * motion.inertial_pull
+        if kept["drive_viscous"]:
+            found = found - (kept["drive_viscous"] / motion.radius) * motion.velocity
+        if kept["drive_coulomb"]:
+            state = winding_state(
+                motion, kept["drive_travel_deg"] or USUAL_STICKING_DEG, kept["drive_sharpness"]
+            )
+            found = found - (kept["drive_coulomb"] / motion.radius) * state
+        for times, name in ((1, ""), (2, "double_")):
+            size = complex(kept[f"drive_{name}cosine"], -kept[f"drive_{name}sine"])
+            if size:
+                turning = turning_with(motion, times * kept["drive_order"])
+                found = found - (size * turning).real / motion.radius
+        return np.asarray(found)
+
+    return motion.remember(("driven", *kept.values()), driven)
+
+
+CABLES = {"extension": -1, "flexion": 1}
+"""Each has a sheath of its own: on the back of the hand a cable bends over the knuckles, in the palm it may
+run nearly straight."""
+SHARES = {f"share_{cable}": (f"capstan_friction.{cable}",) for cable in CABLES}
+"""Numbers of a shape that tell the share of the tension that each cable's sheath takes."""
+MOST_SHARE = 0.7
+"""Of the tension; friction of 0.2 over 350 degrees of bends, assumed."""
+LEAST_TRAVEL = 0.05
+"""Of the other sheath's: what takes less than a twentieth of it is not seen to stick; assumed."""
+REFERENCE_PULL_N = 5.0
+"""Tension at which the travel of a friction that grows with the load is told, N: what sticks has one spring,
+so that it slides over twice the travel at twice the load. Assumed; only a scale."""
+
+
+def sheath_loss(motion: Motion, shape: Shape, cable: str) -> Array:
+    """What a cable's sheath takes of the tension, for a share of one, N, (n,); of a cable not used, nothing.
+
+    The share follows the tension of the moment or, where ``held``, only as far as what sticks is let go: a
+    cable that sticks in its sheath keeps its friction while the tension rises on both ends of it. What motor
+    and gearbox keep for themselves never reaches the sheath.
+
+    What takes the share s of the motor's tension winding in, 1 - exp(-mu phi), gives exp(mu phi) - 1, which
+    is s / (1 - s), of it paying out. What sticks is equally stiff in either sheath, so that it slides over a
+    travel in proportion to s; the one told is that of the sheath which takes more.
     """
-    inertia = (motion.motor.inertia or 0.0) + shape.get("drive_inertia", 0.0)
-    found = motion.tension - inertia * motion.inertial_pull
-    if viscous := shape.get("drive_viscous", 0.0):
-        found = found - (viscous / motion.radius) * motion.velocity
-    if coulomb := shape.get("drive_coulomb", 0.0):
-        found = found - (coulomb / motion.radius) * winding_state(motion)
-    return np.asarray(found)
+    share, most = shape.get(f"share_{cable}", 0.0), max(shape.get(name, 0.0) for name in SHARES)
+    paying_out = 1.0 / (1.0 - min(share, MOST_SHARE))
+    travel = shape["travel_deg"] * (max(share / most, LEAST_TRAVEL) if most else 1.0)
+    sharpness, held = shape.get("sharpness", 0.0), bool(shape.get("held", 0.0))
+
+    def lost() -> Array:
+        if motion.cable_sign != CABLES[cable]:
+            return nothing(len(motion.position))
+        tension = driven_tension(motion, shape)
+        if not held:
+            state = winding_state(motion, travel, sharpness)
+            return np.asarray(tension * np.where(state < 0.0, paying_out, 1.0) * state)
+        limit = np.maximum(tension, 0.0)
+
+        def stops(position: Array, reaches: Array) -> Array:
+            return rubbing_forces(position, limit, REFERENCE_PULL_N / reaches, paying_out)
+
+        return friction_state(motion.position, float(np.radians(travel)), sharpness, stops)
+
+    drive = (shape.get(name, 0.0) for name in DRIVE)
+    return motion.remember(("sheath", cable, travel, sharpness, held, paying_out, *drive), lost)
 
 
 LATE = "late"
@@ -82,6 +153,14 @@ def winding_state(motion: Motion, travel_deg: float = USUAL_STICKING_DEG, sharpn
     travels = with_grid(travel_deg, WINDING_TRAVELS_DEG)
     keys = [("winding", travel) for travel in travels]
     return motion.remember_each(keys[0], keys, lambda: slip_states(motion.position, np.radians(travels)))
+
+
+def turning_with(motion: Motion, order: float) -> Any:
+    """exp(i order position), complex (n,); from the usual order two below, which costs a tenth of a sine."""
+    if order <= RIPPLE_ORDERS[0] or order % 2 or order > 2 * RIPPLE_ORDERS[-1]:
+        return motion.remember(("turning", order), lambda: np.exp(1j * order * motion.position))
+    step = motion.remember(("turning", 2), lambda: np.exp(2j * motion.position))
+    return motion.remember(("turning", order), lambda: turning_with(motion, order - 2) * step)
 
 
 def coulomb_terms(motion: Motion, shape: Shape) -> list[Term]:

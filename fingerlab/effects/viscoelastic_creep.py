@@ -74,7 +74,10 @@ EFFECT = Effect(
     example=Example(
         {"time_constant": 1.0 / math.log(2.0)},
         {"mcp": [0.0, 1.0, 1.0], "time": [0.0, 1.0, 2.0]},
-        {"MCP relaxing_mcp": [0.0, 0.5, 0.25], "PIP start_pip": [1.0, 0.5, 0.25]},
+        {
+            "MCP relaxing_mcp": [0.0, 0.5 / math.log(2.0), 0.25 / math.log(2.0)],
+            "PIP start_pip": [1.0, 0.5, 0.25],
+        },
         sample_rate_hz=1.0,
     ),
 )

@@ -190,9 +190,16 @@ def dahl_states(position: Array, travels: Sequence[float] | Array) -> Array:
 
 
 def first_order_lags(values: Array, time_constants: Sequence[float] | Array, sample_rate_hz: float) -> Array:
-    """Values through 1/(1 + time_constant s), (m, n), one a time constant (s); at rest on the first value."""
-    keep = np.exp(-1.0 / (sample_rate_hz * _column(time_constants)))
-    drive = (1.0 - keep) * values
+    """Values through 1/(1 + time_constant s), (m, n), one a time constant (s); at rest on the first value.
+
+    Exact for values that change evenly between samples: held from sample to sample, they would be half a
+    sample early or late.
+    """
+    samples = sample_rate_hz * _column(time_constants)
+    keep = np.exp(-1.0 / samples)
+    even = samples * (1.0 - keep)
+    drive = (1.0 - even) * values
+    drive[:, 1:] += (even - keep) * values[:-1]
     drive[:, 0] = values[0]
     blocks = _blocked(drive)
     return _joined(_relaxed(np.repeat(keep[None], BLOCK, axis=0), blocks), len(values))

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
+from scipy.signal import lfilter
 
 from fingerlab.rig.file import Finger, Motor, Rig
 from fingerlab.sessions.model import Array, Run, Session
@@ -39,6 +40,7 @@ class Missing:
     cubic: tuple[float, float] = (0.0, 0.0)  # N m/rad^3
     tilt: float = 0.0  # rad
     compliance: float = 0.0  # m/N
+    lag: float = 0.0  # s by which what the cable gives lags behind its tension, to first order
     delay: float = 0.0  # s
     motor_coulomb: float = 0.0  # N m
     motor_viscous: float = 0.0  # N m s/rad
@@ -266,7 +268,8 @@ def _record(
     """Motor and sensors: cable wound, torque with the motor's own losses, and noise on every channel."""
     a, b = bench.arms[sign]
     x = bench.missing
-    wound = 0.004 + sign * (a * angles[0] + b * angles[1]) + x.compliance * tension - loose
+    stretching = lagging(tension, x.lag) if x.lag else tension
+    wound = 0.004 + sign * (a * angles[0] + b * angles[1]) + x.compliance * stretching - loose
     position = wound / RADIUS
     speed = np.gradient(position, 1 / RATE)
     torque = RADIUS * tension + INERTIA * np.gradient(speed, 1 / RATE)
@@ -288,6 +291,14 @@ def _record(
         channels, name=name, phase="on_air" if force is None else "contact",
         cable="flexion" if sign > 0 else "extension", sample_rate_hz=RATE, trajectory=trajectory,
     )  # fmt: skip
+
+
+def lagging(values: Array, lag: float) -> Array:
+    """A first-order lag (s) of values that are linear between samples, at rest before the first."""
+    share = np.exp(-1.0 / (RATE * lag))
+    even = lag * RATE * (1.0 - share)
+    steps = lfilter([1.0 - even, even - share], [1.0, -share], values - values[0])
+    return np.asarray(values[0] + steps)
 
 
 def with_motor_torque(run: Run, law: Callable[[Array], Array]) -> Run:

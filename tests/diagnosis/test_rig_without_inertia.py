@@ -8,11 +8,15 @@ from pathlib import Path
 import pytest
 
 from fingerlab.diagnosis import diagnose
+from fingerlab.diagnosis.gram.reduction import Reduction
+from fingerlab.diagnosis.search.grid_refinement import fit_refined
+from fingerlab.effects import CATALOGUE
 from fingerlab.sessions import open_session
 from fingerlab.sessions.model import Session
 from fingerlab.twin.protocols import load_preset
 from fingerlab.twin.session import write_session
 
+from . import closed_form as made
 from .test_no_alarm import shortened
 
 
@@ -40,3 +44,25 @@ def test_the_rotor_is_missing_beside_what_else_is(tmp_path: Path, hidden: tuple[
     tolerance = preset.rig.tolerance_of("inertia")
     # The bench's own rotor differs from the rig file's by its tolerance; at most three of it, here.
     assert found.value == pytest.approx(preset.rig.motor.inertia, rel=3 * tolerance)
+
+
+def test_a_stretch_lags_behind_the_tension_that_the_rotor_leaves() -> None:
+    """A cable that gives 1 mm a newton 6 ms late, angles that are 10 ms late, a rotor that nobody weighed.
+
+    The rotor takes more of the torque than the stretch lags by: with the torque's own lag, the delay was a
+    millisecond short.
+    """
+    bench = made.Bench(missing=made.Missing(compliance=1e-3, lag=0.006, delay=0.010))
+    kept = Reduction([without_inertia(made.session(bench, contact=0))])
+    names = ("motor_inertia", "cable_stretch", "transport_delay")
+    scorer, fitted = fit_refined(kept, [CATALOGUE[name] for name in names])
+    scales = scorer.reduced.layout.scales
+    values, stretch = dict(fitted.values), fitted.choices[1]
+    assert values["delay"] * scales.of("s") == pytest.approx(0.010, abs=2e-4)
+    late = stretch.effect.shapes[stretch.shape]["time_constant"]
+    late -= values["cable_damping"] / values["cable_compliance"]
+    assert late * scales.of("s") == pytest.approx(0.006, abs=1e-3)
+    inertia = values["motor_inertia.inertia"] + values["rotor_inertia"]
+    assert inertia * scales.of("kg m^2") == pytest.approx(
+        made.INERTIA, rel=0.05
+    )  # within the scale of forces

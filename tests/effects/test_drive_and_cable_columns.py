@@ -10,7 +10,7 @@ import pytest
 from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import Row, Term
 from fingerlab.effects.sensor_drift import STEADY_S
-from fingerlab.effects.transmission import LATE, as_effects_see_it, driven_tension
+from fingerlab.effects.transmission import CABLES, LATE, as_effects_see_it, driven_tension
 from fingerlab.physics import nominal
 from fingerlab.physics.nominal import JointMotion
 from tests.physics.test_friction_states import looped_stop
@@ -152,6 +152,16 @@ def test_a_sheath_takes_its_share_of_what_motor_and_gearbox_leave_and_a_delay_mo
     told = {"drive_viscous": 2e-3, "drive_inertia": 2e-4, "drive_coulomb": 0.0}
     kept = (MOTOR.inertia + 2e-4) * motion.acceleration + 2e-3 * motion.velocity
     assert driven_tension(motion, told) == pytest.approx((motion.torque - kept) / RADIUS)
+    ripple = {"drive_order": 8.0, "drive_sine": 3e-3, "drive_cosine": -1e-3, "drive_double_sine": 5e-4}
+    turn = 8.0 * motion.position
+    kept = kept + 3e-3 * np.sin(turn) - 1e-3 * np.cos(turn) + 5e-4 * np.sin(2.0 * turn)
+    assert driven_tension(motion, told | ripple) == pytest.approx((motion.torque - kept) / RADIUS)
+    friction = {"drive_coulomb": 4e-3, "drive_travel_deg": 0.6, "drive_sharpness": 1.0}
+    rubs = looped_stop(
+        motion.position, np.radians(0.3)
+    )  # from rest to sliding; from slide to slide twice that
+    kept = MOTOR.inertia * motion.acceleration + 4e-3 * rubs
+    assert driven_tension(motion, friction) == pytest.approx((motion.torque - kept) / RADIUS)
     late = as_effects_see_it(motion, [replace(CATALOGUE["transport_delay"], shapes=({LATE: 0.011},))])
     then = motion.time[3:] - 0.011
     turn = 2 * np.pi * 0.75 * then + 0.8
@@ -180,18 +190,23 @@ def test_a_cable_that_sticks_in_its_sheath_keeps_its_friction_while_the_tension_
     assert lost[(way > 0.25) & (time < 1.0)] == pytest.approx(4.0)
 
 
-def test_a_stretch_that_lags_lags_behind_what_the_sheath_takes_of_the_tension() -> None:
-    """A pull that sets in at once, through a first-order lag: 1 - exp(-t / 20 ms) of it in the stretch."""
+def test_a_stretch_that_lags_lags_behind_what_the_sheath_leaves() -> None:
+    """A pull of 2, then 5 N, of which the sheath takes a third: the rest through a lag of 20 ms.
+
+    Where the stretch lies before the sheath it lags behind the whole pull.
+    """
     time = np.arange(500) / 250.0
     torque = RADIUS * np.where(time < 1.0, 2.0, 5.0)
     motion = moving(seconds=2.0, position=time, velocity=1.0 + 0 * time, acceleration=0 * time, torque=torque)
-    shape = {"travel_deg": 0.1, "stretch_behind": 1.0, "stretch_lag": 0.02}
-    terms = CATALOGUE["capstan_friction"].columns(motion, shape)
-    taken = column(terms, Row.PIP)
-    assert taken[time > 0.5] == pytest.approx(torque[time > 0.5] / RADIUS)
-    since = time[time >= 1.0] - 1.0 + 0.004  # the sample of the step is the first that sees it
-    stretching = column(terms, Row.CABLE)[time >= 1.0]
-    assert stretching == pytest.approx(5.0 - 3.0 * np.exp(-since / 0.02), rel=1e-3)
+    sheath = {"share_extension": 1 / 3, "sheath_travel_deg": 0.1, "sheath_sharpness": 0.0, "sheath_held": 0.0}
+    since = time[time >= 1.0] - 1.0
+    rise = 3.0 * (0.02 / 0.004) * (1.0 - np.exp(-0.004 / 0.02))  # evenly, from one sample to the next
+    assert motion.cable_sign == CABLES["extension"]
+    for behind, left in ((1.0, 2 / 3), (0.0, 1.0)):
+        shape = {"time_constant": 0.02, **sheath, "sheath_stretch_behind": behind}
+        (term,) = CATALOGUE["cable_stretch"].columns(motion, shape)
+        assert term.values[time >= 1.0] == pytest.approx(-left * rise * np.exp(-since / 0.02), abs=2e-3)
+        assert term.values[(time > 0.5) & (time < 0.99)] == pytest.approx(0.0, abs=1e-6)
 
 
 def test_play_follows_the_last_reversal() -> None:
@@ -254,9 +269,25 @@ def test_a_lagging_stretch_is_a_first_order_lag(time_constant: float) -> None:
     # constant -1 on scale "compliance": minus the compliance times minus (lagging - present) is added.
     change = -np.sum([t.constant * t.values for t in terms if t.constant == -1.0], axis=0)
     expected = np.imag(np.exp(1j * omega * time) / (1 + 1j * omega * time_constant)) - np.sin(omega * time)
-    assert change[-1000:] == pytest.approx(expected[-1000:], abs=0.03)
+    assert change[-1000:] == pytest.approx(expected[-1000:], abs=3e-4)
     assert {t.scale for t in terms} == {"compliance"}
-    assert [t.constant for t in terms] == [-1.0, MOTOR.inertia]
+    assert [t.constant for t in terms] == [-1.0]
+
+
+def test_a_stretch_lags_behind_the_tension_that_motor_and_gearbox_leave() -> None:
+    """Of sines of torque and angle in closed form: what the rotor takes of the torque never lags."""
+    motion, shape = moving(seconds=8.0), {"time_constant": 0.016, "drive_inertia": 2e-4}
+    turn, beat, settled = 2 * np.pi * 0.75, 2 * np.pi * 0.25, motion.time > 4.0
+
+    def missed(omega: float, phase: float) -> np.ndarray:
+        lag = 1.0 / (1.0 + 1j * omega * 0.016) - 1.0
+        return np.asarray(np.imag(lag * np.exp(1j * (omega * motion.time + phase))))
+
+    inertia = MOTOR.inertia + 2e-4
+    expected = (0.02 * missed(beat, 0.0) + inertia * 0.4 * turn**2 * missed(turn, 0.8)) / RADIUS
+    (term,) = CATALOGUE["cable_stretch"].columns(motion, shape)
+    assert term.constant == -1.0
+    assert term.values[settled] == pytest.approx(expected[settled], abs=2e-4)
 
 
 def test_a_bent_angle_sensor_bends_spring_torque_and_cable_alike() -> None:

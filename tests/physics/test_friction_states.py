@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.signal import lsim
 
 from fingerlab.physics.friction_states import (
     dahl_states,
@@ -176,13 +177,13 @@ def test_slip_states_share_the_sliders_of_travels_that_are_twice_as_long() -> No
 
 @pytest.mark.parametrize("length", [1, 2, 31, 32, 33, 1025])
 @pytest.mark.parametrize("time_constant", [0.004, 0.3, 40.0])
-def test_first_order_lag_is_the_loop(length: int, time_constant: float) -> None:
+def test_first_order_lag_is_that_of_scipy(length: int, time_constant: float) -> None:
+    """Of values that change evenly between samples (``lsim`` interpolates them), at rest on the first one."""
     values = np.cumsum(np.random.default_rng(length).standard_normal(length))
-    keep, state, expected = np.exp(-1.0 / (250.0 * time_constant)), values[0], []
-    for value in values:
-        state = keep * state + (1.0 - keep) * value if expected else value
-        expected.append(state)
-    assert first_order_lag(values, time_constant, 250.0) == pytest.approx(np.array(expected), abs=1e-10)
+    time = np.arange(max(length, 2)) / 250.0
+    padded = np.resize(values, len(time)) - values[0]
+    expected = values[0] + lsim(([1.0], [time_constant, 1.0]), padded, time)[1][:length]
+    assert first_order_lag(values, time_constant, 250.0) == pytest.approx(expected, abs=1e-9)
 
 
 def test_several_constants_at_once_are_each_on_its_own() -> None:

@@ -6,6 +6,10 @@ The coefficient of a feature is
 
 with ``scale`` 1, the signed moment arm, its inverse, or the cable's compliance. A delay keeps the motor's
 channels at several shifts; what lies between them is interpolated.
+
+The equations of the joints and of a motor beside them are told in units of the torque as it was measured:
+they are divided by 1 - gain, what the torque is worth of what it reads. Otherwise a fit could shrink all that
+a model leaves by taking the torque, the springs and the masses for smaller together.
 """
 
 from __future__ import annotations
@@ -17,6 +21,7 @@ from functools import cached_property
 import numpy as np
 
 from fingerlab.diagnosis.equations.features import (
+    BoolArray,
     Feature,
     IntArray,
     shift_weights,
@@ -27,6 +32,8 @@ from fingerlab.sessions.model import Array
 
 CABLE_NAMES = {1: "flexion", -1: "extension", 0: "none"}
 DELAY = "delay"
+TORQUE_GAIN = "torque_gain"
+"""Share that the motor's torque reads too high."""
 
 
 def key_of(feature: Feature, cable: str) -> str:
@@ -67,22 +74,29 @@ class Coefficients:
 
     def of(self, values: Array, cable_signs: tuple[int, ...]) -> Array:
         """For several groups of runs, (groups, k), told by their cables."""
-        amount, scale, weight, _ = self._parts(self._table(cable_signs), values)
-        return -amount * scale * weight
+        table = self._table(cable_signs)
+        amount, scale, weight, _ = self._parts(table, values)
+        return -amount * scale * weight * table.per_torque(values)
 
     def with_jacobian(self, values: Array, cable_signs: tuple[int, ...]) -> tuple[Array, Array]:
         """The same with their derivatives, (groups, k) and (groups, k, p)."""
         table = self._table(cable_signs)
         amount, scale, weight, slopes = self._parts(table, values)
         turned = np.where(table.inverse, -(scale**2) / table.divisor, table.sign)
+        per_torque = table.per_torque(values)
+        weight = weight * per_torque
         jacobian = np.zeros((*amount.shape, len(values) + 2))
         flat = jacobian.reshape(-1, len(values) + 2)
         flat[table.lines, table.parameter.reshape(-1)] = (-scale * weight).reshape(-1)
         flat[table.lines, table.scale_by.reshape(-1)] -= (amount * turned * weight).reshape(-1)
         if table.delay >= 0:
             late = table.shifted
-            jacobian[:, late, table.delay] -= (amount * scale)[:, late] * slopes[table.shifts]
-        return -amount * scale * weight, jacobian[:, :, : len(values)]
+            jacobian[:, late, table.delay] -= (amount * scale * per_torque)[:, late] * slopes[table.shifts]
+        h = -amount * scale * weight
+        if table.gain >= 0:
+            of_torque = table.of_torque
+            jacobian[:, of_torque, table.gain] += (h * per_torque)[:, of_torque]
+        return h, jacobian[:, :, : len(values)]
 
     def per_unit(self, values: Array, cable_sign: int) -> Array:
         """Coefficient of every feature per unit of its own unknown, (k,).
@@ -96,7 +110,8 @@ class Coefficients:
             self._scalings[cable_sign] = places, inverse, sign
         places, inverse, sign = self._scalings[cable_sign]
         scale = np.append(values, 1.0)[places]
-        return np.asarray(-sign * np.where(inverse, 1.0 / np.where(inverse, scale, 1.0), scale))
+        per_torque = self._table((cable_sign,)).per_torque(values)
+        return np.asarray(-sign * np.where(inverse, 1.0 / np.where(inverse, scale, 1.0), scale)) * per_torque
 
     def _parts(self, table: _Table, values: Array) -> tuple[Array, Array, Array, Array]:
         """Amount and scale of the features, (groups, k), the shift's weight, (k,), and its slopes."""
@@ -127,6 +142,8 @@ class Coefficients:
             sign=np.array([line.sign for line in lines]),
             shift=np.array([-1 if f.shift is None else f.shift for f in self.features]),
             delay=self.index.get(DELAY, -1),
+            gain=self.index.get(TORQUE_GAIN, -1),
+            of_torque=np.array([f.row in (Row.MCP, Row.PIP, Row.BENCH) for f in self.features], dtype=bool),
         )
 
     def _of_cable(self, cable_sign: int) -> _Routed:
@@ -185,6 +202,12 @@ class _Table:
     sign: Array
     shift: IntArray  # (k,), -1 stands for none
     delay: int  # -1 stands for none
+    gain: int  # the same: what the torque reads too high
+    of_torque: BoolArray  # (k,), of an equation that the torque stands in as it is
+
+    def per_torque(self, values: Array) -> Array:
+        """What the features are divided by so that the torque counts as it was measured, inverse, (k,)."""
+        return np.where(self.of_torque, 1.0 / (1.0 - values[self.gain]) if self.gain >= 0 else 1.0, 1.0)
 
     @cached_property
     def lines(self) -> IntArray:

@@ -92,14 +92,16 @@ def _explains_most(scorer: Scorer, fitted: FittedModel, keep: int) -> bool:
 
 
 def _with_one_more(scorer: Scorer, fitted: FittedModel) -> FittedModel | None:
-    """The model with the effect that makes the recordings likeliest; None where none explains enough."""
+    """The model with the effect that explains most; None where none explains enough."""
+    fitted = scorer.score_held_out(fitted)
+    left = _left(fitted)
     tried = [scorer.fit_reweighted(one.choices, one) for one in _promising(scorer, fitted)]
+    tried = [scorer.score_held_out(one) for one in tried]
     chosen = _plainest(scorer, fitted, tried)
     if chosen is None:
         return None
     best = climb_grid(scorer, chosen)
     best = scorer.score_held_out(scorer.fit_reweighted(best.choices, best))
-    left = _left(scorer.score_held_out(fitted))
     explains = left - _left(best) > LEAST_SHARE_OF_MANY * left
     return best if explains and scorer.deviance(best) < scorer.deviance(fitted) else None
 
@@ -129,23 +131,25 @@ def _promising(scorer: Scorer, fitted: FittedModel) -> list[FittedModel]:
 
 
 def _plainest(scorer: Scorer, base: FittedModel, tried: Sequence[FittedModel]) -> FittedModel | None:
-    """The likeliest, or a plainer one that does nearly as well; None where they cannot be told apart.
+    """The one that explains most of runs left out, or a plainer one that does nearly as well.
 
-    A constant of every model set free is plainer than any law, and of laws that are alike the one that stands
-    first in the catalogue.
+    None where the likeliest are others, or where what explains nearly as much is not alike. A constant of
+    every model set free is plainer than any law, and of laws that are alike the one that stands first in the
+    catalogue.
+
+    Args:
+        base, tried: held out.
     """
-    if not tried:
-        return None
     gains = {t.last_effect.id: scorer.deviance(base) - scorer.deviance(t) for t in tried}
-    best = max(gains.values())
-    if not best > 0.0:
+    if not tried or max(gains.values()) <= 0.0:
         return None
-    near = [t for t in tried if gains[t.last_effect.id] >= NEARLY_AS_GOOD * best]
-    first = max(near, key=lambda t: gains[t.last_effect.id]).last_effect
+    left, foremost = _left(base), min(tried, key=lambda t: t.misfit)
+    near = [t for t in tried if gains[t.last_effect.id] >= NEARLY_AS_GOOD * max(gains.values())]
     freed = [t for t in near if t.last_effect.relaxes]
-    alike = [t for t in near if t.last_effect is first or _alike(first, t.last_effect)]
-    tied = [t for t in near if t not in alike and gains[t.last_effect.id] >= TOO_CLOSE * best]
-    if tied and not freed:
+    alike = [t for t in near if t is foremost or _alike(foremost.last_effect, t.last_effect)]
+    explained = TOO_CLOSE * (left - _left(foremost))
+    tied = [t for t in near if t not in alike and left - _left(t) >= explained]
+    if foremost not in near or (tied and not freed):
         return None
     order = [e.id for e in scorer.reduced.layout.effects]
     return min(freed or alike, key=lambda t: order.index(t.last_effect.id))
@@ -193,9 +197,10 @@ def _rise_without(
     scorer: Scorer, left_out: Choice, fitted: FittedModel, without: FittedModel, usual: float
 ) -> float:
     """By how much what is missed rises without an effect, in shares of it that are needless for its kind."""
-    rise = (_left(without) - _left(fitted)) / (_left(fitted) + fitted.count)
+    explained = _left(without) - _left(fitted)
     if left_out.effect.id not in EVERYDAY:
-        return rise / NEEDLESS_SHARE
+        return explained / (LEAST_SHARE_OF_MANY * _left(without)) if explained > 0.0 else 0.0
+    rise = explained / (_left(fitted) + fitted.count)
     before, after = _mean_squares(scorer, fitted), _mean_squares(scorer, without)
     seen = before > 0.0
     most = float((after[seen] / before[seen] - 1.0).max(initial=0.0))
