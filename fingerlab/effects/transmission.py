@@ -1,4 +1,4 @@
-"""What effects between motor and cable share: the drive's friction, the tension that it leaves, its delay."""
+"""What effects between motor and cable share: the drive's friction, the tension left, sheaths, the delay."""
 
 from __future__ import annotations
 
