@@ -17,6 +17,7 @@ from threadpoolctl import threadpool_limits
 from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress, Watch
 from fingerlab.diagnosis.answer.wording import every_parameter
+from fingerlab.diagnosis.diagnose import settle_constants
 from fingerlab.diagnosis.equations.model import Choice
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.score.fitted_model import FittedModel
@@ -333,6 +334,7 @@ def _fit(
     with threadpool_limits(limits=1, user_api="blas"):
         reduction = Reduction(sessions)
         reduction.held = dict(held or {})
+        settle_constants(reduction, Scorer(reduction.of([])))  # as for a verdict
         scorer, whole = fit_refined(reduction, chosen, Watch(lambda share, what: tell(0.5 * share, what)))
         tell(0.6, "fitting")
         nominal = scorer.fit([], scorer.fit([], whole), FULL_ITERATIONS)
