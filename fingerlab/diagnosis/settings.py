@@ -460,7 +460,8 @@ devices; no face stands quite straight. On a bench far from its model all of it 
 order, what changes the kinematics first; assumed."""
 LEAST_SHARE_OF_MANY = 0.1
 """Share of the misfit that each further one explains at least, of runs left out, also beside those that come
-after it; assumed. On benches as built the torque's ripple explains 0.2 to 0.3, what they do not have 0.05."""
+after it; assumed. On benches as built the torque's ripple explains 0.15 to 0.3, and what they do not have
+mostly less than 0.1; where more, others are likelier."""
 NEARLY_AS_GOOD = 0.75
 """Share of the best's gain from which on the plainer of two laws that are alike is taken; assumed."""
 TOO_CLOSE = 0.9
