@@ -456,12 +456,10 @@ EVERYDAY = (
 )
 """What every bench has before anybody measured it, each by its plainest law: what turns has mass and rubs,
 dry and wet; a cable hangs loose, gives, rubs in its sheath and lies where it was put; channels pass other
-devices; no face stands quite straight. On a bench far from its model all of it is fitted first. In this
-order, what changes the kinematics first; assumed."""
+devices; no face stands quite straight. On a bench far from its model all of it comes first; assumed."""
 LEAST_SHARE_OF_MANY = 0.1
 """Share of the misfit that each further one explains at least, of runs left out, also beside those that come
-after it; assumed. On benches as built the torque's ripple explains 0.15 to 0.3, and what they do not have
-mostly less than 0.1; where more, others are likelier."""
+after it; assumed. On benches as built torque ripple explains 0.15 to 0.3, effects not there mostly less."""
 NEARLY_AS_GOOD = 0.75
 """Share of the best's gain from which on the plainer of two laws that are alike is taken; assumed."""
 TOO_CLOSE = 0.9
@@ -469,8 +467,7 @@ TOO_CLOSE = 0.9
 added, or that comes first which the others can spare least; assumed."""
 NEEDLESS_SHARE = 0.15
 """What every bench has is needless where no equation's mean square rises by a larger share without it, and
-the squared score by no larger one than below; assumed: what many laws that are nearly right leave moves by as
-much."""
+the squared score by none as below; assumed: what many nearly right laws leave moves by as much."""
 USUAL_SHARE = 0.03
 """The share of the squared score for what every bench has; assumed: it is there in any case, and stays while
 it is seen at all."""

@@ -47,12 +47,11 @@ def columns(motion: Motion, shape: Shape) -> list[Term]:
 def _stretching(motion: Motion, shape: Shape) -> Array:
     """Tension on the cable's spring, N, (n,), as far as the shape tells what is lost before it."""
     tension = driven_tension(motion, shape)
-    cable = next((name for name, sign in CABLES.items() if sign == motion.cable_sign), "")
-    share = shape.get(f"share_{cable}", 0.0)
-    if not (share and shape["sheath_stretch_behind"]):
+    if not shape.get("sheath_stretch_behind"):
         return tension
-    sheath = {name: shape[f"sheath_{name}"] for name in ("travel_deg", "sharpness", "held")}
-    return np.asarray(tension - share * sheath_loss(motion, {**shape, **sheath}, cable))
+    sheath = {**shape, **{name: shape[f"sheath_{name}"] for name in ("travel_deg", "sharpness", "held")}}
+    losses = (shape.get(f"share_{cable}", 0.0) * sheath_loss(motion, sheath, cable) for cable in CABLES)
+    return np.asarray(tension - sum(losses))
 
 
 def _closer(shape: Shape) -> Sequence[Shape]:

@@ -5,7 +5,7 @@ from functools import partial
 
 import numpy as np
 
-from fingerlab.effects.base import Effect, Example, Formula, Row, Shape, Term, plus
+from fingerlab.effects.base import Effect, Example, Formula, Row, Shape, Term, either, every, plus
 from fingerlab.physics.motion import Motion, nothing, tip_reach, while_pressed
 from fingerlab.physics.parameter import Parameter
 from fingerlab.sessions.model import Array
@@ -111,7 +111,7 @@ EFFECT = Effect(
         *({"cell_stays": 1.0, "turn_deg": t} for t in PRESSED_TURNS_DEG),
     ),
     shape_units={"turn_deg": "deg"},
-    closer=plus("turn_deg", (-4.0, 0.0, 4.0)),
+    closer=every(plus("turn_deg", (-4.0, 0.0, 4.0)), either("cell_stays", (0.0, 1.0))),
     turns=_face_turn,
     formula=Formula(
         equation=(

@@ -334,8 +334,9 @@ def _fit(
     with threadpool_limits(limits=1, user_api="blas"):
         reduction = Reduction(sessions)
         reduction.held = dict(held or {})
-        settle_constants(reduction, Scorer(reduction.of([])))  # as for a verdict
-        scorer, whole = fit_refined(reduction, chosen, Watch(lambda share, what: tell(0.5 * share, what)))
+        watch = Watch(lambda share, what: tell(0.5 * share, what))
+        settle_constants(reduction, Scorer(reduction.of([], watch)))  # as for a verdict
+        scorer, whole = fit_refined(reduction, chosen, watch)
         tell(0.6, "fitting")
         nominal = scorer.fit([], scorer.fit([], whole), FULL_ITERATIONS)
         trials = [_first(scorer, whole, count) for count in counts]

@@ -157,9 +157,7 @@ def test_a_sheath_takes_its_share_of_what_motor_and_gearbox_leave_and_a_delay_mo
     kept = kept + 3e-3 * np.sin(turn) - 1e-3 * np.cos(turn) + 5e-4 * np.sin(2.0 * turn)
     assert driven_tension(motion, told | ripple) == pytest.approx((motion.torque - kept) / RADIUS)
     friction = {"drive_coulomb": 4e-3, "drive_travel_deg": 0.6, "drive_sharpness": 1.0}
-    rubs = looped_stop(
-        motion.position, np.radians(0.3)
-    )  # from rest to sliding; from slide to slide twice that
+    rubs = looped_stop(motion.position, np.radians(0.3))  # from rest; from slide to slide twice that
     kept = MOTOR.inertia * motion.acceleration + 4e-3 * rubs
     assert driven_tension(motion, friction) == pytest.approx((motion.torque - kept) / RADIUS)
     late = as_effects_see_it(motion, [replace(CATALOGUE["transport_delay"], shapes=({LATE: 0.011},))])

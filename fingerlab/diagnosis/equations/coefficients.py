@@ -2,14 +2,13 @@
 
 The coefficient of a feature is
 
-    h = -(constant + parameter) * scale * shift weight
+    h = -(constant + parameter) * scale * shift weight / torque's share
 
 with ``scale`` 1, the signed moment arm, its inverse, or the cable's compliance. A delay keeps the motor's
-channels at several shifts; what lies between them is interpolated.
-
-The equations of the joints and of a motor beside them are told in units of the torque as it was measured:
-they are divided by 1 - gain, what the torque is worth of what it reads. Otherwise a fit could shrink all that
-a model leaves by taking the torque, the springs and the masses for smaller together.
+channels at several shifts; what lies between them is interpolated. The torque's share, 1 - gain, is what the
+torque is worth of what it reads: the equations of the joints and of a motor beside them are told in units of
+the torque as it was measured. Otherwise a fit could shrink all that a model leaves by taking the torque, the
+springs and the masses for smaller together. Of the other equations it is one.
 """
 
 from __future__ import annotations
@@ -94,8 +93,7 @@ class Coefficients:
             jacobian[:, late, table.delay] -= (amount * scale * per_torque)[:, late] * slopes[table.shifts]
         h = -amount * scale * weight
         if table.gain >= 0:
-            of_torque = table.of_torque
-            jacobian[:, of_torque, table.gain] += (h * per_torque)[:, of_torque]
+            jacobian[:, :, table.gain] += h * per_torque * table.of_torque
         return h, jacobian[:, :, : len(values)]
 
     def per_unit(self, values: Array, cable_sign: int) -> Array:
@@ -206,8 +204,9 @@ class _Table:
     of_torque: BoolArray  # (k,), of an equation that the torque stands in as it is
 
     def per_torque(self, values: Array) -> Array:
-        """What the features are divided by so that the torque counts as it was measured, inverse, (k,)."""
-        return np.where(self.of_torque, 1.0 / (1.0 - values[self.gain]) if self.gain >= 0 else 1.0, 1.0)
+        """One over the torque's share in each feature's equation, (k,)."""
+        gain = values[self.gain] if self.gain >= 0 else 0.0
+        return np.asarray(1.0 / (1.0 - gain * self.of_torque))
 
     @cached_property
     def lines(self) -> IntArray:

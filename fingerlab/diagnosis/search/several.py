@@ -140,11 +140,13 @@ def _plainest(scorer: Scorer, base: FittedModel, tried: Sequence[FittedModel]) -
     Args:
         base, tried: held out.
     """
-    gains = {t.last_effect.id: scorer.deviance(base) - scorer.deviance(t) for t in tried}
-    if not tried or max(gains.values()) <= 0.0:
+    before = scorer.deviance(base)
+    gains = {t.last_effect.id: before - scorer.deviance(t) for t in tried}
+    most = max(gains.values(), default=0.0)
+    if most <= 0.0:
         return None
     left, foremost = _left(base), min(tried, key=lambda t: t.misfit)
-    near = [t for t in tried if gains[t.last_effect.id] >= NEARLY_AS_GOOD * max(gains.values())]
+    near = [t for t in tried if gains[t.last_effect.id] >= NEARLY_AS_GOOD * most]
     freed = [t for t in near if t.last_effect.relaxes]
     alike = [t for t in near if t is foremost or _alike(foremost.last_effect, t.last_effect)]
     explained = TOO_CLOSE * (left - _left(foremost))
