@@ -455,8 +455,8 @@ EVERYDAY = (
     "contact_angle",
 )
 """What every bench has before anybody measured it, each by its plainest law: what turns has mass and rubs,
-dry and wet; a cable hangs loose, gives, rubs in its sheath and lies where it was put; channels pass other
-devices; no face stands quite straight. On a bench far from its model all of it comes first; assumed."""
+dry and wet; a cable hangs loose, gives, rubs in its sheath, lies where it was put; channels pass devices; no
+face is straight. On a bench far from its model all is fitted first, in this order (kinematics); assumed."""
 LEAST_SHARE_OF_MANY = 0.1
 """Share of the misfit that each further one explains at least, of runs left out, also beside those that come
 after it; assumed. On benches as built torque ripple explains 0.15 to 0.3, effects not there mostly less."""
