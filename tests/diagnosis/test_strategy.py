@@ -9,7 +9,7 @@ import pytest
 
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.search.path import one_more_each
-from fingerlab.diagnosis.search.strategy import asks_for_more, worth_restarting
+from fingerlab.diagnosis.search.strategy import FirstStep, asks_for_more, worth_restarting
 
 from .invented import leaving
 
@@ -33,7 +33,7 @@ def path_of(*effects: str, left: float = 0.6) -> list[FittedModel]:
 def test_another_beginning_is_looked_for_where_a_path_of_several_leaves_much(
     path: list[FittedModel], worth: bool
 ) -> None:
-    assert worth_restarting(path, BEST) == worth
+    assert worth_restarting(path, BEST, FirstStep([], None)) == worth
 
 
 @pytest.mark.parametrize(("left", "more"), [(0.1, False), (0.19, False), (0.21, True), (0.3, True)])

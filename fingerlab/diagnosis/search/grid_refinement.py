@@ -35,6 +35,7 @@ from fingerlab.diagnosis.settings import (
     MOST_RIVALS,
     ROUNDS,
     SAME_SHAPE,
+    SET_LOG_ODDS,
     STEP_GAIN,
     USUAL_LEFT,
 )
@@ -301,16 +302,17 @@ def break_ties(
     evidence: Evidence,
     weights: Weights,
     watch: Watch,
+    least: float = -SET_LOG_ODDS,
 ) -> Evidence:
     """The evidence with the odds of effects that are alike on their grids as refined shapes give them.
 
     Args:
-        weights: from which effects without other shapes are reweighted.
+        weights: from which effects without other shapes are reweighted. least: log odds of what is alike.
 
     Raises:
         Cancelled: the user asked for it.
     """
-    tied = worth_untying(evidence)
+    tied = worth_untying(evidence, least)
     if not tied:
         return evidence
     refined: list[tuple[Scorer, FittedModel]] = []
@@ -330,13 +332,13 @@ def break_ties(
     return untied(evidence, tied, scored)
 
 
-def worth_untying(evidence: Evidence) -> list[int]:
+def worth_untying(evidence: Evidence, least: float = -SET_LOG_ODDS) -> list[int]:
     """Indices of the likeliest candidates that are alike; none where refined shapes cannot tell them apart.
 
     So where one is alone, where the best leaves no more than every model does, or where no shape of any is
     left to look at.
     """
-    tied = alike(evidence)[:MOST_RIVALS]
+    tied = alike(evidence, least)[:MOST_RIVALS]
     alone = len(tied) < 2 or evidence.least_left <= USUAL_LEFT
     return [] if alone or not any(can_refine(evidence.candidates[i].choices) for i in tied) else tied
 

@@ -36,7 +36,15 @@ from fingerlab.diagnosis.search.next_effect import judge_all, rescore
 from fingerlab.diagnosis.search.path import forward_selection
 from fingerlab.diagnosis.search.rivals import Given, Rival, extended, find_rivals, odds_of_rivals
 from fingerlab.diagnosis.search.several import path_of_many
-from fingerlab.diagnosis.settings import FAR, FULL_ITERATIONS, LEAST_FALL_BEYOND, LONGEST_PATH, NEARLY_RIGHT
+from fingerlab.diagnosis.settings import (
+    FAR,
+    FULL_ITERATIONS,
+    GRID_LOG_ODDS,
+    LEAST_FALL_BEYOND,
+    LONGEST_PATH,
+    NEARLY_RIGHT,
+    NEXT_SHARE,
+)
 from fingerlab.effects.base import Effect
 
 
@@ -145,8 +153,8 @@ def search_effects(question: Question, scorer: Scorer) -> Found:
     effects = scorer.reduced.layout.effects
     base = fit_effects(scorer, question.given)
     evidence = judge_all(scorer, base, effects, question.stages.part(0.4, 0.7))
-    first = _first_step(question, scorer, evidence)
-    untied, path = _path(question, scorer, evidence, first)
+    untied, first = _first_step(question, scorer, evidence)
+    untied, path = _path(question, scorer, untied, first)
     many = _many(question, scorer, evidence, path, first)
     refined: Scorer | None
     if many is not None:
@@ -158,7 +166,7 @@ def search_effects(question: Question, scorer: Scorer) -> Found:
             evidence = distrusted(evidence)
         refined, path = _refined(question, path, first.refined)
         if refined is not None:
-            refined, path = _restarted(question, evidence.best, refined, path)
+            evidence, refined, path = _restarted(question, evidence, untied, first, refined, path)
             weights = path[-1].weights
     if refined is not None and len(path) > 2:
         watch = question.stages.part(0.97, 0.98)
@@ -233,15 +241,30 @@ def _rivals(
     return [first, *rivals[1:]]
 
 
-def _first_step(question: Question, scorer: Scorer, evidence: Evidence) -> FirstStep:
+def _first_step(question: Question, scorer: Scorer, evidence: Evidence) -> tuple[Evidence, FirstStep]:
     """The best effect, looked at between the points of its grid before others are tried beside it.
 
-    What only its shape lacks, no other effect is asked for.
+    What only its shape lacks, no other effect is asked for. Where it leaves much, those that the grid does
+    not tell from it are looked at as closely: the best may be one whose grid is coarser. The evidence is that
+    of what was looked at.
     """
     watch = question.stages.part(0.7, 0.72)
     effects = scorer.reduced.layout.effects
     path = forward_selection(scorer, evidence, effects, len(question.given), watch, most=1)
-    if len(path) != 2 or not can_refine(path[-1].choices):
+    if len(path) != 2:
+        return evidence, FirstStep(path, None)
+    first = _closer(question, path)
+    if not asks_for_more(first.end):
+        return evidence, first
+    watch = question.stages.part(0.75, 0.77)
+    untied = break_ties(question.reduction, scorer, evidence, path[-1].weights, watch, GRID_LOG_ODDS)
+    if untied.best is evidence.best:
+        return untied, first
+    return untied, _closer(question, [untied.base, untied.best])
+
+
+def _closer(question: Question, path: list[FittedModel]) -> FirstStep:
+    if not can_refine(path[-1].choices):
         return FirstStep(path, None)
     watch = question.stages.part(0.72, 0.75)
     return FirstStep(path, RefinedPath(path[-1], *refine_path(question.reduction, path, watch)))
@@ -327,26 +350,60 @@ def _refined(
 
 
 def _restarted(
-    question: Question, best: FittedModel, scorer: Scorer, path: list[FittedModel]
-) -> tuple[Scorer, list[FittedModel]]:
-    """The path, or one that is likelier and begins with the ``best`` effect at its refined shape."""
-    if not worth_restarting(path, best):
-        return scorer, path
+    question: Question,
+    beside: Evidence,
+    alone: Evidence,
+    first: FirstStep,
+    scorer: Scorer,
+    path: list[FittedModel],
+) -> tuple[Evidence, Scorer, list[FittedModel]]:
+    """The path, or a likelier one that begins with one effect at its refined shape, maybe with that alone.
+
+    Args:
+        beside: the evidence as the path has it. alone: the same before it went on from the ``first`` step.
+    """
+    best = (beside, scorer, path)
     watch = question.stages.part(0.97, 0.99)
-    alone = refine_path(question.reduction, [path[0], best], watch)[1]
-    other = extend_path(question.reduction, question.catalogue, alone, watch)
-    if other is None or other[0].deviance(other[1][-1]) >= scorer.deviance(path[-1]):
-        return scorer, path
-    return other
+    for evidence in (beside,) if alone.best is beside.best else (beside, alone):
+        if not worth_restarting(path, evidence.best, first):
+            continue
+        start = [path[0], evidence.best]
+        if first.refined is not None and first.refined.is_of(evidence.best):
+            by, begun = first.refined.scorer, first.refined.path
+        else:
+            by, begun = refine_path(question.reduction, start, watch)
+        longer = extend_path(question.reduction, question.catalogue, begun, watch)
+        ways = [(evidence, by, begun), *([] if longer is None else [(evidence, *longer)])]
+        for way in ways:
+            best = way if _does_better(way[1:], best[1:]) else best
+    return best
 
 
-def worth_restarting(path: Sequence[FittedModel], best: FittedModel) -> bool:
+def _does_better(one: tuple[Scorer, list[FittedModel]], other: tuple[Scorer, list[FittedModel]]) -> bool:
+    """Whether a path is the better one: the likelier; a shorter one also where the longer earns no steps.
+
+    As within a path, each further effect must explain its share of what is left.
+    """
+    (by, path), (than, rival) = one, other
+    if by.deviance(path[-1]) < than.deviance(rival[-1]):
+        return len(path) <= len(rival) or _earns_its_steps(path, rival)
+    return len(path) < len(rival) and not _earns_its_steps(rival, path)
+
+
+def _earns_its_steps(longer: Sequence[FittedModel], shorter: Sequence[FittedModel]) -> bool:
+    left = (1.0 - NEXT_SHARE) ** (len(longer) - len(shorter))
+    return longer[-1].score ** 2 - 1.0 < left * (shorter[-1].score ** 2 - 1.0)
+
+
+def worth_restarting(path: Sequence[FittedModel], best: FittedModel, first: FirstStep) -> bool:
     """Whether a path of several effects may lead further if it begins with the ``best`` one refined.
 
-    Beside an effect that stands beside its best shape, a later one may have mended the shape.
+    Beside an effect that stands beside its best shape, a later one may have mended the shape, or others stand
+    where its refined shape alone does most.
     """
     end = path[-1]
-    return len(path) > 2 and best.last_effect.id in end.effect_ids and much_left(end, NEARLY_RIGHT)
+    known = {*end.effect_ids, *(() if first.refined is None else first.refined.of.effect_ids)}
+    return len(path) > 2 and best.last_effect.id in known and much_left(end, NEARLY_RIGHT)
 
 
 def _with_no_turn(scorer: Scorer, base: FittedModel, fitted: FittedModel) -> FittedModel:
