@@ -413,6 +413,8 @@ LEAST_ODDS = -690.0
 """Log odds are told apart down to here: a probability of 1e-300, the least in double precision."""
 MOST_LEFT = float(np.log(10.0))
 """What a path leaves counts up to ten floors for how far odds can be trusted: beyond, trials are few."""
+NEVER_RULED_OUT = 0.1
+"""What is told with this probability stands in the set; assumed: twice what all that is left out may have."""
 UNUSUAL = 0.05
 """A session is unlike the trials where a smaller share of them is as far from their middle; assumed."""
 WIDENING = 2.0

@@ -73,8 +73,14 @@ def test_the_set_holds_what_lies_within_the_bound_of_its_kind() -> None:
     kinds[f"{VERDICT}/{NOTHING}"] = 0.0
     by_kind = CalibrationTable(**{**vars(one), "thresholds": kinds})
     answers = (*EFFECTS, NOTHING, UNKNOWN)
-    told = np.exp([0.0, -1.1, -3.9, -0.1, -0.4])
+    told = 0.09 * np.exp([0.0, -1.1, -3.9, -0.1, -0.4])
     assert by_kind.conformal_set(VERDICT, answers, told) == ("coulomb_friction", UNKNOWN, "cable_stretch")
+
+
+def test_what_is_told_with_one_in_ten_is_in_the_set() -> None:
+    strict = CalibrationTable(**{**vars(table()), "thresholds": {"any": 0.0}})
+    told = np.array([0.55, 0.34, 0.09, 0.01, 0.01])
+    assert strict.conformal_set(VERDICT, (*EFFECTS, NOTHING, UNKNOWN), told) == EFFECTS[:2]
 
 
 def test_an_unusual_session_is_told_and_its_odds_are_drawn_together() -> None:

@@ -9,7 +9,13 @@ import pytest
 
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.search.path import one_more_each
-from fingerlab.diagnosis.search.strategy import FirstStep, asks_for_more, worth_restarting
+from fingerlab.diagnosis.search.strategy import (
+    FirstStep,
+    RefinedPath,
+    asks_for_more,
+    earns_its_steps,
+    worth_restarting,
+)
 
 from .invented import leaving
 
@@ -34,6 +40,21 @@ def test_another_beginning_is_looked_for_where_a_path_of_several_leaves_much(
     path: list[FittedModel], worth: bool
 ) -> None:
     assert worth_restarting(path, BEST, FirstStep([], None)) == worth
+
+
+def test_a_first_effect_that_its_own_shape_makes_better_is_another_beginning() -> None:
+    """It stands no longer in the path: on its grid two others did more."""
+    path, best = path_of("torque_ripple", "stiffness_error", left=2.0), leaving(4.0, "joint_stop")
+    refined = RefinedPath(best, None, [leaving(9.0), leaving(2.2, "joint_stop")])  # type: ignore[arg-type]
+    assert worth_restarting(path, best, FirstStep([leaving(9.0), best], refined))
+    assert not worth_restarting(path, best, FirstStep([leaving(9.0), best], None))
+
+
+@pytest.mark.parametrize(("left", "earned"), [(1.9, False), (1.4, False), (0.75, False), (0.65, True)])
+def test_each_effect_of_a_longer_path_explains_two_fifths_of_what_is_left(left: float, earned: bool) -> None:
+    """Three effects more must leave less than 0.6 to the power of three of 3.1: 0.67."""
+    longer = path_of("torque_ripple", "stiffness_error", "motor_spring", "added_mass", left=left)
+    assert earns_its_steps(longer, path_of("joint_stop", left=3.1)) == earned
 
 
 @pytest.mark.parametrize(("left", "more"), [(0.1, False), (0.19, False), (0.21, True), (0.3, True)])

@@ -21,7 +21,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from fingerlab.core.plain_data import structured
-from fingerlab.diagnosis.settings import LEAST_ODDS, MOST_LEFT, UNUSUAL, WIDENING
+from fingerlab.diagnosis.settings import LEAST_ODDS, MOST_LEFT, NEVER_RULED_OUT, UNUSUAL, WIDENING
 from fingerlab.effects import find_effect
 from fingerlab.sessions.model import Array, Run
 
@@ -197,10 +197,17 @@ class CalibrationTable:
         return max(found[0], 0.0)
 
     def conformal_set(self, verdict: str, answers: Sequence[str], probabilities: Array) -> tuple[str, ...]:
-        """The answers that cannot be ruled out, likeliest first; the likeliest is always among them."""
+        """The answers that cannot be ruled out, likeliest first; the likeliest is always among them.
+
+        Nothing that is told with ``NEVER_RULED_OUT`` is, however seldom the truth lay behind in the trials.
+        """
         behind = answer_distances(probabilities)
         order = np.argsort(behind, kind="stable")
-        return tuple(answers[i] for i in order if behind[i] <= self.threshold(verdict, answers[i]))
+        kept = [
+            behind[i] <= self.threshold(verdict, answers[i]) or probabilities[i] >= NEVER_RULED_OUT
+            for i in order
+        ]
+        return tuple(answers[i] for i, held in zip(order, kept, strict=True) if held)
 
     def typicality(self, features: Mapping[str, float], kind: str) -> tuple[float, tuple[str, ...]]:
         """Share of the trials that are no more usual than a session, and what is unusual about it, in words.

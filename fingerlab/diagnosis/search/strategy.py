@@ -386,11 +386,12 @@ def _does_better(one: tuple[Scorer, list[FittedModel]], other: tuple[Scorer, lis
     """
     (by, path), (than, rival) = one, other
     if by.deviance(path[-1]) < than.deviance(rival[-1]):
-        return len(path) <= len(rival) or _earns_its_steps(path, rival)
-    return len(path) < len(rival) and not _earns_its_steps(rival, path)
+        return len(path) <= len(rival) or earns_its_steps(path, rival)
+    return len(path) < len(rival) and not earns_its_steps(rival, path)
 
 
-def _earns_its_steps(longer: Sequence[FittedModel], shorter: Sequence[FittedModel]) -> bool:
+def earns_its_steps(longer: Sequence[FittedModel], shorter: Sequence[FittedModel]) -> bool:
+    """Whether each effect more of a longer path explains its share of what the shorter one leaves."""
     left = (1.0 - NEXT_SHARE) ** (len(longer) - len(shorter))
     return longer[-1].score ** 2 - 1.0 < left * (shorter[-1].score ** 2 - 1.0)
 
