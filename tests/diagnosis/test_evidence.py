@@ -114,6 +114,19 @@ def test_what_further_effects_explain_is_no_sign_of_something_outside(base: floa
     assert steps.probabilities.sum() + steps.nothing + steps.unknown == pytest.approx(1.0)
 
 
+def test_a_path_is_judged_in_its_own_floors() -> None:
+    """Told first in the floors of a model with nothing found, two effects explain less than something unknown."""
+    first = judged(15.0, motor_inertia=12.3)
+    rescored = judged(8.7, motor_inertia=4.2)
+    evidence = replace(first, base=rescored.base, candidates=rescored.candidates)
+    assert evidence.unknown > 0.99
+    path = trial(1.2, "motor_inertia", "stribeck_friction")
+    assert named(borne_out(evidence, path), "motor_inertia") > 0.99
+    # What leaves as much as one effect does is no sign of anything.
+    idle = trial(4.2, "motor_inertia", "stribeck_friction")
+    assert borne_out(evidence, idle) is evidence
+
+
 def test_one_effect_alone_is_judged_by_itself() -> None:
     evidence = judged(3.0, viscous_friction=1.1)
     assert borne_out(evidence, trial(1.1, "viscous_friction")) is evidence

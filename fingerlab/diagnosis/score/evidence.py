@@ -162,18 +162,26 @@ def distrusted(evidence: Evidence) -> Evidence:
 def borne_out(evidence: Evidence, last: FittedModel) -> Evidence:
     """The evidence when steps of which each is justified lead from the base to ``last``.
 
-    What one effect leaves and others of the catalogue explain is no sign of something outside of it.
+    What one effect leaves and others of the catalogue explain is no sign of something outside of it. All is
+    judged again as it stands under the weights of ``last``: those of a model with nothing found take much of
+    what is missed for noise.
+
+    Args:
+        evidence: rescored under the weights of ``last``.
     """
     beyond = len(last.choices) - len(evidence.base.choices) - 1
     if beyond < 1 or not evidence.candidates:
         return evidence
+    again = judge(evidence.base, evidence.candidates)
     best = min(t.misfit for t in evidence.candidates)
     further = beyond * (np.log(PRIOR_EFFECTS / len(evidence.candidates)) - DECIDING_LOG_ODDS)
-    gain = 0.5 * (best - last.misfit) / evidence.temperature + further
+    gain = 0.5 * (best - last.misfit) / again.temperature + further
     if gain <= 0.0:
         return evidence
-    logs = evidence.logs + np.array([gain, 0.0, 0.0])
+    logs = again.logs + np.array([gain, 0.0, 0.0])
     found, none, other = _shared(logs)
+    if found <= float(evidence.probabilities.sum()):
+        return evidence
     shares = found * shares_of(evidence.log_odds)
     return replace(evidence, probabilities=shares, nothing=none, unknown=other, logs=logs)
 
