@@ -115,7 +115,7 @@ def test_what_further_effects_explain_is_no_sign_of_something_outside(base: floa
 
 
 def test_a_path_is_judged_in_its_own_floors() -> None:
-    """Told first in the floors of a model with nothing found, two effects explain less than something unknown."""
+    """In the floors of a model with nothing found two effects explain less than something unknown would."""
     first = judged(15.0, motor_inertia=12.3)
     rescored = judged(8.7, motor_inertia=4.2)
     evidence = replace(first, base=rescored.base, candidates=rescored.candidates)
