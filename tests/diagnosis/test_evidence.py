@@ -9,7 +9,7 @@ import pytest
 
 from fingerlab.diagnosis.fit.data import temperature
 from fingerlab.diagnosis.fit.solver import Fit
-from fingerlab.diagnosis.score.evidence import alike, beside_others, borne_out, judge
+from fingerlab.diagnosis.score.evidence import alike, beside_others, borne_out, exchanged, judge
 from fingerlab.diagnosis.score.selection import justified, small_excess
 from fingerlab.effects import CATALOGUE
 
@@ -125,6 +125,17 @@ def test_a_path_is_judged_in_its_own_floors() -> None:
     # What leaves as much as one effect does is no sign of anything.
     idle = trial(4.2, "motor_inertia", "stribeck_friction")
     assert borne_out(evidence, idle) is evidence
+
+
+def test_a_plainer_law_takes_the_odds_of_the_one_that_it_replaces() -> None:
+    evidence = judged(7.8, motor_coulomb_friction=1.95, asymmetric_friction=1.9)
+    before = named(evidence, "asymmetric_friction"), named(evidence, "motor_coulomb_friction")
+    after = exchanged(evidence, "asymmetric_friction", "motor_coulomb_friction")
+    assert (named(after, "motor_coulomb_friction"), named(after, "asymmetric_friction")) == before
+    assert after.best.last_effect.id == "motor_coulomb_friction"
+    assert after.probabilities.sum() == pytest.approx(evidence.probabilities.sum())
+    # What is likelier already stays as it is.
+    assert exchanged(after, "asymmetric_friction", "motor_coulomb_friction") is after
 
 
 def test_one_effect_alone_is_judged_by_itself() -> None:

@@ -186,6 +186,22 @@ def borne_out(evidence: Evidence, last: FittedModel) -> Evidence:
     return replace(evidence, probabilities=shares, nothing=none, unknown=other, logs=logs)
 
 
+def exchanged(evidence: Evidence, law: str, plainer: str) -> Evidence:
+    """The evidence where beside others a ``plainer`` law does as well as the one that seemed likelier alone.
+
+    The odds of the two are exchanged; ids of effects.
+    """
+    names = [t.last_effect.id for t in evidence.candidates]
+    if law not in names or plainer not in names:
+        return evidence
+    both = [names.index(law), names.index(plainer)]
+    if evidence.log_odds[both[0]] <= evidence.log_odds[both[1]]:
+        return evidence
+    log_odds, probabilities = evidence.log_odds.copy(), evidence.probabilities.copy()
+    log_odds[both], probabilities[both] = log_odds[both[::-1]], probabilities[both[::-1]]
+    return replace(evidence, log_odds=log_odds, probabilities=probabilities)
+
+
 def begun_by(evidence: Evidence, path: Sequence[FittedModel]) -> Evidence:
     """The evidence when a path of many effects leaves little of what is missed: its first effect is missing.
 

@@ -15,6 +15,7 @@ from fingerlab.diagnosis.score.evidence import (
     borne_out,
     distrusted,
     doubted,
+    exchanged,
     judge,
     stranger,
     with_rivals,
@@ -169,8 +170,10 @@ def search_effects(question: Question, scorer: Scorer) -> Found:
             evidence, refined, path = _restarted(question, evidence, untied, first, refined, path)
             weights = path[-1].weights
     if refined is not None and len(path) > 2:
-        watch = question.stages.part(0.97, 0.98)
+        watch, laws = question.stages.part(0.97, 0.98), path[-1].effect_ids
         refined, path = with_plainer_end(question.reduction, question.catalogue, refined, path, watch)
+        for law, plainer in zip(laws, path[-1].effect_ids, strict=True):
+            evidence = evidence if law == plainer else exchanged(evidence, law, plainer)
         weights = path[-1].weights
     if refined is not None or len(path) > 2 or scorer.reduced.pairs:
         # Every score of an answer is told in the floors of the same, last model.
