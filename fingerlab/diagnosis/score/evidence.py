@@ -170,7 +170,7 @@ def borne_out(evidence: Evidence, last: FittedModel) -> Evidence:
         evidence: rescored under the weights of ``last``.
     """
     beyond = len(last.choices) - len(evidence.base.choices) - 1
-    if beyond < 1 or not evidence.candidates:
+    if beyond < 0 or not evidence.candidates:
         return evidence
     again = judge(evidence.base, evidence.candidates)
     best = min(t.misfit for t in evidence.candidates)
