@@ -363,6 +363,8 @@ SET_PROBABILITY = 0.95
 """The set holds effects until they have this probability together, if one of them is missing."""
 SET_LOG_ODDS = 3.0
 """An effect is in the set when its log odds against the best are above minus this (odds of about 1 to 20)."""
+TIED = 1e-6
+"""Log odds by which, of two effects as likely, the one that the path begins with stands first."""
 GRID_LOG_ODDS = -6.0
 """Log odds down to which effects are looked at between the points of their grids where the best leaves much;
 assumed: of a sheath the grid left 3.8 floors, 3.6 below a friction by load, and its own best shape 1.4."""

@@ -9,7 +9,14 @@ import pytest
 
 from fingerlab.diagnosis.fit.data import temperature
 from fingerlab.diagnosis.fit.solver import Fit
-from fingerlab.diagnosis.score.evidence import alike, beside_others, borne_out, exchanged, judge
+from fingerlab.diagnosis.score.evidence import (
+    alike,
+    beside_others,
+    borne_out,
+    exchanged,
+    judge,
+    under_both,
+)
 from fingerlab.diagnosis.score.selection import justified, small_excess
 from fingerlab.effects import CATALOGUE
 
@@ -125,6 +132,23 @@ def test_a_path_is_judged_in_its_own_floors() -> None:
     # What leaves as much as one effect does is no sign of anything.
     idle = trial(4.2, "motor_inertia", "stribeck_friction")
     assert borne_out(evidence, idle) is evidence
+
+
+def test_odds_are_the_mean_of_those_under_both_weights() -> None:
+    """The search's weights prefer a sheath and the found effect's do not: then it is hardly told from the other."""
+    first = judged(4.2, capstan_friction=1.0, load_dependent_friction=1.2)
+    last = judged(4.2, capstan_friction=1.2, load_dependent_friction=1.0)
+    rescored = replace(first, base=last.base, candidates=last.candidates)
+    both = under_both(rescored, "load_dependent_friction")
+    assert named(first, "capstan_friction") > 0.99
+    assert named(last, "load_dependent_friction") > 0.99
+    even = 0.5 * (first.log_odds + last.log_odds)
+    assert both.log_odds == pytest.approx(even - even.max(), abs=1e-5)
+    assert both.probabilities.sum() == pytest.approx(first.probabilities.sum())
+    # Where the mean prefers another, the one that the path begins with stays first, and as likely.
+    tied = under_both(rescored, "capstan_friction")
+    assert tied.best.last_effect.id == "capstan_friction"
+    assert named(tied, "capstan_friction") == pytest.approx(named(tied, "load_dependent_friction"), rel=1e-3)
 
 
 def test_a_plainer_law_takes_the_odds_of_the_one_that_it_replaces() -> None:

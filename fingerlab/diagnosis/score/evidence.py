@@ -40,6 +40,7 @@ from fingerlab.diagnosis.settings import (
     SET_LOG_ODDS,
     SET_PROBABILITY,
     STRONGEST,
+    TIED,
     UNEXPLAINED,
     UNEXPLAINED_SHARE,
     UNKNOWN_LEAST,
@@ -184,6 +185,25 @@ def borne_out(evidence: Evidence, last: FittedModel) -> Evidence:
         return evidence
     shares = found * shares_of(evidence.log_odds)
     return replace(evidence, probabilities=shares, nothing=none, unknown=other, logs=logs)
+
+
+def under_both(rescored: Evidence, first: str) -> Evidence:
+    """The evidence with the mean of the odds that its effects have and those that they have by its weights now.
+
+    How much of what is left a model may call noise is not known better: near the floor, odds of e^10 under
+    the weights of the search were odds of e^-5 under those of the effect that it found.
+
+    Args:
+        first: id of the effect that the path begins with; one that the mean prefers to it is only as likely.
+    """
+    again = log_odds_among(rescored.base, rescored.candidates)
+    log_odds = 0.5 * (rescored.log_odds + again)
+    for i, one in enumerate(rescored.candidates):
+        if one.last_effect.id == first:
+            log_odds[i] = max(log_odds[i], float(log_odds.max()) + TIED)
+    log_odds = log_odds - log_odds.max(initial=-np.inf)
+    found = float(rescored.probabilities.sum())
+    return replace(rescored, log_odds=log_odds, probabilities=found * shares_of(log_odds))
 
 
 def exchanged(evidence: Evidence, law: str, plainer: str) -> Evidence:

@@ -18,6 +18,7 @@ from fingerlab.diagnosis.score.evidence import (
     exchanged,
     judge,
     stranger,
+    under_both,
     with_rivals,
     with_undetected,
 )
@@ -178,6 +179,7 @@ def search_effects(question: Question, scorer: Scorer) -> Found:
     if refined is not None or len(path) > 2 or scorer.reduced.pairs:
         # Every score of an answer is told in the floors of the same, last model.
         evidence = rescore(scorer, evidence, weights)
+        evidence = under_both(evidence, path[1].last_effect.id) if len(path) == 2 else evidence
         path = [evidence.base, *path[1:]]
     if many is not None:
         evidence = begun_by(evidence, path)
