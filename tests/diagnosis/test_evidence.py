@@ -135,7 +135,7 @@ def test_a_path_is_judged_in_its_own_floors() -> None:
 
 
 def test_odds_are_the_mean_of_those_under_both_weights() -> None:
-    """The search's weights prefer a sheath and the found effect's do not: then it is hardly told from the other."""
+    """The search's weights prefer a sheath, the found effect's do not: it is hardly told from another."""
     first = judged(4.2, capstan_friction=1.0, load_dependent_friction=1.2)
     last = judged(4.2, capstan_friction=1.2, load_dependent_friction=1.0)
     rescored = replace(first, base=last.base, candidates=last.candidates)

@@ -188,7 +188,7 @@ def borne_out(evidence: Evidence, last: FittedModel) -> Evidence:
 
 
 def under_both(rescored: Evidence, first: str) -> Evidence:
-    """The evidence with the mean of the odds that its effects have and those that they have by its weights now.
+    """The evidence with the mean of the odds that its effects have and those that its weights give them.
 
     How much of what is left a model may call noise is not known better: near the floor, odds of e^10 under
     the weights of the search were odds of e^-5 under those of the effect that it found.
