@@ -48,6 +48,8 @@ def test_a_first_effect_that_its_own_shape_makes_better_is_another_beginning() -
     refined = RefinedPath(best, None, [leaving(9.0), leaving(2.2, "joint_stop")])  # type: ignore[arg-type]
     assert worth_restarting(path, best, FirstStep([leaving(9.0), best], refined))
     assert not worth_restarting(path, best, FirstStep([leaving(9.0), best], None))
+    # So it is where one other took its place.
+    assert worth_restarting(path_of("viscoelastic_creep"), best, FirstStep([leaving(9.0), best], refined))
 
 
 @pytest.mark.parametrize(("left", "earned"), [(1.9, False), (1.4, False), (0.75, False), (0.65, True)])

@@ -164,12 +164,12 @@ def search_effects(question: Question, scorer: Scorer) -> Found:
         weights = path[-1].weights
     else:
         evidence, weights = _judged_beside(scorer, untied, path, effects)
+        refined, path = _refined(question, path, first.refined)
+        evidence, by, path = _restarted(question, evidence, untied, first, refined or scorer, path)
+        if by is not scorer:
+            refined, weights = by, path[-1].weights
         if len(path) == 1 and evidence.verdict == "missing_effect":
             evidence = distrusted(evidence)
-        refined, path = _refined(question, path, first.refined)
-        if refined is not None:
-            evidence, refined, path = _restarted(question, evidence, untied, first, refined, path)
-            weights = path[-1].weights
     if refined is not None and len(path) > 2:
         watch, laws = question.stages.part(0.97, 0.98), path[-1].effect_ids
         refined, path = with_plainer_end(question.reduction, question.catalogue, refined, path, watch)
@@ -402,14 +402,15 @@ def earns_its_steps(longer: Sequence[FittedModel], shorter: Sequence[FittedModel
 
 
 def worth_restarting(path: Sequence[FittedModel], best: FittedModel, first: FirstStep) -> bool:
-    """Whether a path of several effects may lead further if it begins with the ``best`` one refined.
+    """Whether a path may lead further if it begins with the ``best`` effect refined.
 
     Beside an effect that stands beside its best shape, a later one may have mended the shape, or others stand
     where its refined shape alone does most.
     """
-    end = path[-1]
+    end, name = path[-1], best.last_effect.id
     known = {*end.effect_ids, *(() if first.refined is None else first.refined.of.effect_ids)}
-    return len(path) > 2 and best.last_effect.id in known and much_left(end, NEARLY_RIGHT)
+    other = len(path) > 2 or name not in end.effect_ids
+    return other and name in known and much_left(end, NEARLY_RIGHT)
 
 
 def _with_no_turn(scorer: Scorer, base: FittedModel, fitted: FittedModel) -> FittedModel:
