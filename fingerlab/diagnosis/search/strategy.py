@@ -258,17 +258,18 @@ def _first_step(question: Question, scorer: Scorer, evidence: Evidence) -> tuple
     path = forward_selection(scorer, evidence, effects, len(question.given), watch, most=1)
     if len(path) != 2:
         return evidence, FirstStep(path, None)
-    first = _closer(question, path)
+    first = _refined_first(question, path)
     if not asks_for_more(first.end):
         return evidence, first
     watch = question.stages.part(0.75, 0.77)
     untied = break_ties(question.reduction, scorer, evidence, path[-1].weights, watch, GRID_LOG_ODDS)
     if untied.best is evidence.best:
         return untied, first
-    return untied, _closer(question, [untied.base, untied.best])
+    return untied, _refined_first(question, [untied.base, untied.best])
 
 
-def _closer(question: Question, path: list[FittedModel]) -> FirstStep:
+def _refined_first(question: Question, path: list[FittedModel]) -> FirstStep:
+    """The path of one effect, and the same with its shape refined, if it has one."""
     if not can_refine(path[-1].choices):
         return FirstStep(path, None)
     watch = question.stages.part(0.72, 0.75)
