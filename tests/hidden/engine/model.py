@@ -17,12 +17,13 @@ PLATE_MASS = 0.02  # kg, of the load cell's button
 OUT_OF_REACH = 0.5  # m below the finger
 STOP_LOSS = 0.2  # damping ratio of the stop: hard rubber; assumed
 SLIDER_INERTIA = 4e-7  # kg m^2: a hundredth of the finger's
+SPREAD_INERTIA = 1e-8  # kg m^2, of each of the sliders in a row: together well below that of the distal body
 BRISTLE_TIME = 3e-3  # s, damping over stiffness of friction that winds up; assumed
 SHEATH_STIFFNESS = 5e4  # N/m of the stuck cable in its sheath; assumed, like the next two
 SHEATH_DAMPING = 50.0  # N s/m
 SHEATH_MASS = 0.01  # kg
 TYPICAL_CABLE_TORQUE = 0.07  # N m at the pulley, by which gears wind up
-SLIDERS = 4  # spring-sliders in a row make friction that builds up (Iwan)
+SLIDERS = 8  # spring-sliders in a row make friction that builds up (Iwan); four give way with a jerk each
 STICKS = 'solreffriction="0.0005 1" solimpfriction="0.999 0.9999 0.001"'
 """MuJoCo's friction creeps while it sticks; so hard that the creep stays below 1e-5 rad/s."""
 HARD = 'solref="0.002 1" solimp="0.95 0.99 0.0001"'
@@ -237,7 +238,7 @@ def _spread(hidden: Hidden, bench: Bench, wear: float) -> None:
         for index in range(SLIDERS) if torque > 0 else ():
             share = torque * wear / SLIDERS
             travel = bench.spread[2] * 2 * (index + 0.5) / SLIDERS
-            hidden.add(f"{joint}_slider{index}", {joint: 1.0}, share / travel, share, mass=1e-6)
+            hidden.add(f"{joint}_slider{index}", {joint: 1.0}, share / travel, share, mass=SPREAD_INERTIA)
 
 
 def _rubbing(hidden: Hidden, bench: Bench, wear: float) -> None:
