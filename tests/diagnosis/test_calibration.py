@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,7 +18,16 @@ from fingerlab.diagnosis.score.calibration import (
     calibrated,
     calibration,
 )
-from tests.hidden.sweep.calibrate import KnownTrial, answer, bound, calibration_error, fit_table, page
+from tests.hidden.sweep.calibrate import (
+    KnownTrial,
+    answer,
+    bound,
+    calibration_error,
+    fit_table,
+    fit_thresholds,
+    page,
+    weighed,
+)
 
 EFFECTS = ("coulomb_friction", "stribeck_friction", "cable_stretch")
 VERDICT = "missing_effect"
@@ -62,9 +72,40 @@ def test_nothing_to_try_leaves_the_two_answers_that_are_no_effect() -> None:
 
 def test_split_conformal_bound_by_hand() -> None:
     """Of n values the ceil(0.95 (n + 1))-th smallest: of 19 the largest, of 39 the last but one."""
-    assert bound(list(range(19))) == 18
-    assert bound(list(range(39))) == 37
-    assert bound(list(range(99))) == 94
+    assert bound(np.arange(19.0), np.ones(19)) == 18
+    assert bound(np.arange(39.0), np.ones(39)) == 37
+    assert bound(np.arange(99.0), np.ones(99)) == 94
+    # A value that counts for three is as three of them: 0 to 36, and the last three times.
+    assert bound(np.arange(37.0), np.append(np.ones(36), 3.0)) == 36
+
+
+def test_every_kind_of_bench_counts_as_often_as_it_is_drawn() -> None:
+    """Of a hundred trials 20, 66, 8 and 6 are drawn; here 40, 40, 10 and 10 came."""
+    truths = [(NOTHING,)] * 40 + [EFFECTS[:1]] * 40 + [EFFECTS[:2]] * 10 + [(UNKNOWN,)] * 10
+    made = [replace(one, truth=truth) for one, truth in zip(trials(100, 1.0, 7), truths, strict=True)]
+    sums = [sum(t.weight for t in weighed(made) if t.truth == truth) for truth in dict.fromkeys(truths)]
+    assert sums == pytest.approx([20.0, 66.0, 8.0, 6.0])
+
+
+def test_a_single_trial_far_behind_moves_no_set_of_an_effect() -> None:
+    """Twenty trials of an effect, one of them 5 nats behind, among 300 of its kin that are first."""
+    usual = {"left": 1.0}
+
+    def first(effect: str, behind: float) -> KnownTrial:
+        found = np.where(np.array(EFFECTS) == effect, math.exp(-behind), 1e-6)
+        found[(EFFECTS.index(effect) + 1) % len(EFFECTS)] = 1.0 if behind else 1e-6
+        odds = Odds(EFFECTS, found / found.sum(), np.zeros(3), 0.0, 0.0)
+        return KnownTrial(0, "twin", (effect,), odds, usual, "on_air", False, VERDICT)
+
+    kin = [first("stribeck_friction", 0.0)] * 300
+    own = [first("coulomb_friction", 0.0)] * 19 + [first("coulomb_friction", 5.0)]
+    held = fit_thresholds([*kin, *own], table())
+    assert held[f"{VERDICT}/coulomb_friction"] == 0.0
+    assert held[f"{VERDICT}/stribeck_friction"] == 0.0
+    # Six of 22 that lie so far behind are no chance, and all that far are in its set.
+    often = fit_thresholds([*kin, *own[:16], *own[19:] * 6], table())
+    assert often[f"{VERDICT}/coulomb_friction"] == pytest.approx(5.0)
+    assert often[f"{VERDICT}/stribeck_friction"] == 0.0
 
 
 def test_the_set_holds_what_lies_within_the_bound_of_its_kind() -> None:

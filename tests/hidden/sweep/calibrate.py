@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import json
 import math
-from collections import defaultdict
-from collections.abc import Callable, Iterable, Sequence
+from collections import Counter, defaultdict
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -33,11 +33,14 @@ from fingerlab.diagnosis.score.calibration import (
 )
 from fingerlab.effects import find_effect
 from fingerlab.sessions.model import Array
+from tests.hidden.sweep.surroundings import KINDS
 from tests.hidden.sweep.table import BINS, kept_by_hand, markdown_table
 
-LEAST_TRIALS = 19
-"""From so many trials on their largest distance bounds 95 % of them."""
 COVERED = 0.95
+BORROWED = 40.0
+"""Trials' worth of the next wider group that every group's distances are completed by: of 20 trials of one
+effect the 19th bounds 95 %, and a single trial moves it. With 40 the sets of two tables, each fitted to
+trials that the other was not, are as wide as each other; with 10 and 20 they were not."""
 OUTCOMES = {NOTHING: "Nothing missing", UNKNOWN: "Outside the catalogue"}
 POPULATION = (
     "simulated benches of two engines: size over three decades, tolerances, noise, rates, length and number "
@@ -47,7 +50,10 @@ POPULATION = (
 
 @dataclass(frozen=True)
 class KnownTrial:
-    """A trial as the calibration sees it: what was true, the odds, and the session."""
+    """A trial as the calibration sees it: what was true, the odds, and the session.
+
+    ``weight``: how much it counts, one on average (:func:`weighed`).
+    """
 
     seed: int
     source: str
@@ -57,17 +63,43 @@ class KnownTrial:
     phases: str
     dirty: bool
     verdict: str
+    weight: float = 1.0
 
     @property
     def kind(self) -> str:
         """Family of the truth, or the answer that is no effect."""
         return family(self.truth[0]) if len(self.truth) == 1 else "Two effects"
 
+    @property
+    def drawn_as(self) -> str:
+        """What the population drew: a key of ``DRAWN``."""
+        if len(self.truth) > 1:
+            return "pairs"
+        return {NOTHING: "nothing", UNKNOWN: "outside"}.get(self.truth[0], "one")
+
     @cached_property
     def places(self) -> list[int]:
         """Where the truth stands among the answers; an effect that was not even tried stands nowhere."""
         answers = self.odds.answers
         return [answers.index(name) for name in self.truth if name in answers]
+
+
+DRAWN = {"one": 1.0 - sum(KINDS.values()), **KINDS}
+"""Share of the benches that are drawn of each kind."""
+
+
+def weighed(trials: Sequence[KnownTrial]) -> list[KnownTrial]:
+    """The trials with weights under which every kind of bench counts as often as it is drawn.
+
+    By chance some hundreds of trials hold half again as many benches of one kind as others do, and what is
+    told of all of them would follow (post-stratification).
+    """
+    counted = Counter(one.drawn_as for one in trials)
+    drawn = sum(DRAWN[kind] for kind in counted)
+    return [
+        replace(one, weight=DRAWN[one.drawn_as] / drawn * len(trials) / counted[one.drawn_as])
+        for one in trials
+    ]
 
 
 def family(answer: str) -> str:
@@ -77,7 +109,7 @@ def family(answer: str) -> str:
 
 
 def read(results: Path) -> tuple[list[KnownTrial], int]:
-    """The trials of a population, and how many more failed."""
+    """The trials of a population with their weights, and how many more failed."""
     found, failed = [], 0
     for line in results.read_text(encoding="utf-8").splitlines():
         entry = json.loads(line)
@@ -99,7 +131,7 @@ def read(results: Path) -> tuple[list[KnownTrial], int]:
                 entry["session"], entry["phases"], bool(entry["surroundings"]["dirt"]), entry["verdict"],
             )
         )  # fmt: skip
-    return sorted(found, key=lambda one: one.seed), failed
+    return weighed(sorted(found, key=lambda one: one.seed)), failed
 
 
 FREE: dict[str, tuple[Callable[[float], float], float, float]] = {
@@ -121,7 +153,9 @@ def fit_map(trials: Sequence[KnownTrial]) -> ProbabilityMap:
     """The map under which what was true is likeliest, with a weak prior on its values."""
     counts = np.array([1.0, 1.0, 1.0])
     for one in trials:
-        counts[{NOTHING: 1, UNKNOWN: 2}.get(one.truth[0], 0)] += 1.0
+        counts[{NOTHING: 1, UNKNOWN: 2}.get(one.truth[0], 0)] += one.weight
+    placed = [one for one in trials if one.places]
+    weights = np.array([one.weight for one in placed])
     start = ProbabilityMap(base_rates=tuple((counts / counts.sum()).tolist()))
 
     def made(free: Array) -> ProbabilityMap:
@@ -131,12 +165,10 @@ def fit_map(trials: Sequence[KnownTrial]) -> ProbabilityMap:
     def cost(free: Array) -> float:
         by = made(free)
         likely = [
-            by.probabilities(one.odds, one.session.get("left", 1.0))[one.places].sum()
-            for one in trials
-            if one.places
+            by.probabilities(one.odds, one.session.get("left", 1.0))[one.places].sum() for one in placed
         ]
         prior = sum(((x - m) / s) ** 2 for x, (_, m, s) in zip(free, FREE.values(), strict=True))
-        return float(-np.log(np.maximum(likely, 1e-6)).sum() + 0.5 * prior)
+        return float(-weights @ np.log(np.maximum(likely, 1e-6)) + 0.5 * prior)
 
     begin = np.array([middle for _, middle, _ in FREE.values()])
     return made(minimize(cost, begin, method="L-BFGS-B", options={"maxiter": 60}).x)
@@ -171,22 +203,43 @@ def fit_features(trials: Sequence[KnownTrial]) -> tuple[dict[str, SessionFeature
 
 
 def fit_thresholds(trials: Sequence[KnownTrial], table: CalibrationTable) -> dict[str, float]:
-    """Log odds down to which an answer is in the set: by effect where there are enough trials, by family."""
-    groups: dict[str, list[float]] = defaultdict(list)
+    """Log odds down to which an answer is in the set, by the names of ``groups_of``.
+
+    Every group's distances are completed by those of the next wider one, which count as ``BORROWED`` trials.
+    """
+    own: dict[str, list[tuple[float, float]]] = defaultdict(list)
+    chains = set()
     for one in trials:
         if not one.places:
             continue
         behind = float(distances(one, table)[one.places].min())
+        for chain in (groups_of(one.verdict, true) for true in one.truth):
+            chains |= {chain[k:] for k in range(len(chain))}
         for name in {group for true in one.truth for group in groups_of(one.verdict, true)}:
-            groups[name].append(behind)
-    enough = {name: bound(v) for name, v in sorted(groups.items()) if len(v) >= LEAST_TRIALS}
-    return {"any": 3.0, **enough}
+            own[name].append((behind, one.weight))
+    return {"any": 3.0, **{chain[0]: bound(*_completed(own, chain).T) for chain in sorted(chains)}}
 
 
-def bound(values: Sequence[float]) -> float:
-    """Split conformal: not exceeded by a new value in 95 % of such draws."""
-    place = math.ceil((len(values) + 1) * COVERED)
-    return float(np.sort(values)[min(place, len(values)) - 1])
+def _completed(own: Mapping[str, Sequence[tuple[float, float]]], chain: Sequence[str]) -> Array:
+    """Distances and weights of a group and of the wider ones in which it lies, (n, 2)."""
+    found = np.array(own[chain[0]])
+    if len(chain) == 1:
+        return found
+    wider = _completed(own, chain[1:]).copy()
+    wider[:, 1] *= BORROWED / max(wider[:, 1].sum(), BORROWED)
+    return np.concatenate((found, wider))
+
+
+def bound(values: Array, weights: Array) -> float:
+    """Split conformal: not exceeded by a new value in 95 % of such draws.
+
+    Args:
+        values: (n,). weights: how many trials each counts for, (n,).
+    """
+    order = np.argsort(values, kind="stable")
+    reached = np.cumsum(weights[order])
+    place = int(np.searchsorted(reached, (reached[-1] + 1.0) * COVERED - 1e-9))
+    return float(values[order[min(place, len(values) - 1)]])
 
 
 def distances(one: KnownTrial, table: CalibrationTable) -> Array:
@@ -217,6 +270,10 @@ class Answered:
     typicality: float
 
     @property
+    def weight(self) -> float:
+        return self.trial.weight
+
+    @property
     def right(self) -> bool:
         return self.first in self.trial.truth
 
@@ -239,24 +296,30 @@ def answer(one: KnownTrial, table: CalibrationTable | None) -> Answered:
     return Answered(one, odds.answers[best], float(told[best]), kept, typical)
 
 
+def answers(trials: Sequence[KnownTrial], table: CalibrationTable | None) -> list[Answered]:
+    return [answer(one, table) for one in trials]
+
+
 def calibration_error(said: Sequence[Answered]) -> float:
     """Expected calibration error over ``BINS``: mean distance of what was told and what share was right."""
     total = 0.0
     for low, high in BINS:
         inside = [a for a in said if low <= a.probability < high]
         if inside:
-            total += abs(_mean(a.probability for a in inside) - _mean(a.right for a in inside)) * len(inside)
-    return total / max(len(said), 1)
+            missed = _mean(inside, lambda a: a.probability) - _mean(inside, lambda a: a.right)
+            total += abs(missed) * sum(a.weight for a in inside)
+    return total / max(sum(a.weight for a in said), 1e-9)
 
 
-def _mean(values: Iterable[float]) -> float:
-    known = list(values)
-    return float(np.mean(known)) if known else math.nan
+def _mean(said: Sequence[Answered], value: Callable[[Answered], float]) -> float:
+    """Weighted mean; nan of none."""
+    if not said:
+        return math.nan
+    return float(np.average([value(a) for a in said], weights=[a.weight for a in said]))
 
 
-def _percent(values: Iterable[float]) -> str:
-    known = list(values)
-    return f"{100 * np.mean(known):.0f} % of {len(known)}" if known else "-"
+def _percent(said: Sequence[Answered], holds: Callable[[Answered], bool]) -> str:
+    return f"{100 * _mean(said, holds):.0f} % of {len(said)}" if said else "-"
 
 
 FOLDS = 4
@@ -285,7 +348,7 @@ def page(
         failed: trials that no diagnosis could be made of. said: of each trial by a table not fitted to it.
     """
     columns = {
-        "without calibration": [answer(one, None) for one in trials],
+        "without calibration": answers(trials, None),
         "calibrated": list(said),
         "twin": [a for a in said if a.trial.source == "twin"],
         "second engine": [a for a in said if a.trial.source == "engine"],
@@ -298,7 +361,8 @@ def page(
         f"Table {table.version} is fitted to {table.fitted} trials; {failed} more could not be diagnosed.",
         "What stands here of a trial was said by a table that was fitted to the",
         f"other {FOLDS - 1} of {FOLDS} folds by seed: nothing is judged that was fitted to.",
-        f"The trials are {POPULATION}.", "",
+        f"The trials are {POPULATION}.",
+        WEIGHED, "",
         *kept_by_hand(before), "",
         *markdown_table(_summary(columns)), "",
         "## What was told, and how much of it was right", "",
@@ -315,12 +379,18 @@ def page(
     return "\n".join(lines) + "\n"
 
 
+WEIGHED = (
+    "Shares are weighted so that benches with nothing missing, one effect, two, and one that the catalogue is "
+    "without count as often as they are drawn: "
+    + ", ".join(f"{100 * DRAWN[kind]:.0f}" for kind in ("nothing", "one", "pairs", "outside"))
+    + " %."
+)
 JUDGED = "## On seeds that nothing was fitted to"
 
 
 def judged(trials: Sequence[KnownTrial], failed: int, table: CalibrationTable, command: str) -> str:
     """The section of the page that tells how a table does on trials that it has never seen."""
-    said = [answer(one, table) for one in trials]
+    said = answers(trials, table)
     seeds = sorted(t.seed for t in trials)
     columns = {
         "all": said,
@@ -333,9 +403,9 @@ def judged(trials: Sequence[KnownTrial], failed: int, table: CalibrationTable, c
         JUDGED, "",
         f"Made by `{command} --judge` from {len(trials)} further trials, seeds {seeds[0]} to {seeds[-1]};",
         f"{failed} more could not be diagnosed. What is told of each is told by table {table.version} as it",
-        "stands in the program.", "",
+        f"stands in the program. {WEIGHED}", "",
         *markdown_table(_summary(columns)), "",
-        *markdown_table(_reliability([answer(one, None) for one in trials], said)), "",
+        *markdown_table(_reliability(answers(trials, None), said)), "",
         *markdown_table(_by_kind(said, table)),
     ]  # fmt: skip
     return "\n".join(lines) + "\n"
@@ -348,33 +418,33 @@ def _plain(value: Any) -> str:
 def _summary(columns: dict[str, list[Answered]]) -> list[list[str]]:
     figures: dict[str, Callable[[list[Answered]], str]] = {
         "trials": lambda a: str(len(a)),
-        "first answer right": lambda a: _percent(x.right for x in a),
+        "first answer right": lambda a: _percent(a, lambda x: x.right),
         "expected calibration error": lambda a: f"{calibration_error(a):.3f}",
         "log loss of the first answer": lambda a: f"{_log_loss(a):.3f}",
-        "truth in the set": lambda a: _percent(x.covered for x in a),
-        "one answer in the set": lambda a: _percent(len(x.set) == 1 for x in a),
+        "truth in the set": lambda a: _percent(a, lambda x: x.covered),
+        "one answer in the set": lambda a: _percent(a, lambda x: len(x.set) == 1),
         "answers in the set, median; mean": lambda a: (
-            f"{np.median([len(x.set) for x in a]):g}; {_mean(len(x.set) for x in a):.1f}" if a else "-"
+            f"{np.median([len(x.set) for x in a]):g}; {_mean(a, lambda x: len(x.set)):.1f}" if a else "-"
         ),
         "verdict of a missing effect: effects in the set, median; one alone": _effects_in_sets,
-        "sessions called unusual": lambda a: _percent(x.typicality < 0.05 for x in a),
+        "sessions called unusual": lambda a: _percent(a, lambda x: x.typicality < 0.05),
     }
     rows = [["", *columns]]
     return rows + [[name, *(tell(group) for group in columns.values())] for name, tell in figures.items()]
 
 
 def _effects_in_sets(said: list[Answered]) -> str:
-    sizes = [
-        sum(find_effect(name) is not None for name in a.set)
-        for a in said
-        if a.trial.verdict == "missing_effect"
-    ]
-    return f"{np.median(sizes):g}; {_percent(n <= 1 for n in sizes)}" if sizes else "-"
+    missing = [a for a in said if a.trial.verdict == "missing_effect"]
+
+    def effects(a: Answered) -> int:
+        return sum(find_effect(name) is not None for name in a.set)
+
+    middle = np.median([effects(a) for a in missing]) if missing else math.nan
+    return f"{middle:g}; {_percent(missing, lambda a: effects(a) <= 1)}" if missing else "-"
 
 
 def _log_loss(said: Sequence[Answered]) -> float:
-    told = [a.probability if a.right else 1.0 - a.probability for a in said]
-    return -_mean(math.log(max(p, 1e-6)) for p in told)
+    return -_mean(said, lambda a: math.log(max(a.probability if a.right else 1.0 - a.probability, 1e-6)))
 
 
 def _reliability(raw: Sequence[Answered], after: Sequence[Answered]) -> list[list[str]]:
@@ -383,8 +453,8 @@ def _reliability(raw: Sequence[Answered], after: Sequence[Answered]) -> list[lis
         cells = []
         for said in (raw, after):
             inside = [a for a in said if low <= a.probability < high]
-            told = f"{100 * _mean(a.probability for a in inside):.1f} %, " if inside else ""
-            cells.append(f"{told}{_percent(a.right for a in inside)}")
+            told = f"{100 * _mean(inside, lambda a: a.probability):.1f} %, " if inside else ""
+            cells.append(f"{told}{_percent(inside, lambda a: a.right)}")
         rows.append([f"{100 * low:g} and {min(100 * high, 100):g} %", *cells])
     return rows
 
@@ -395,8 +465,9 @@ def _by_kind(after: Sequence[Answered], table: CalibrationTable) -> list[list[st
         group = [a for a in after if a.trial.kind == name]
         rows.append(
             [
-                name, str(len(group)), _percent(a.right for a in group), _percent(a.covered for a in group),
-                f"{np.median([len(a.set) for a in group]):g}", _percent(len(a.set) == 1 for a in group),
+                name, str(len(group)),
+                _percent(group, lambda a: a.right), _percent(group, lambda a: a.covered),
+                f"{np.median([len(a.set) for a in group]):g}", _percent(group, lambda a: len(a.set) == 1),
             ]
         )  # fmt: skip
     return rows
@@ -423,7 +494,7 @@ def main(
         text = judged(trials, failed, known, command)
         click.echo(text)
         if table is not None:
-            said = [answer(one, known) for one in trials]
+            said = answers(trials, known)
             write_table(table, with_figures(known, said))
         if target is not None:
             page_before = target.read_text(encoding="utf-8").split(JUDGED)[0].rstrip("\n")
@@ -442,7 +513,7 @@ def main(
 
 def with_figures(table: CalibrationTable, said: Sequence[Answered]) -> CalibrationTable:
     """The table with the figures of what it ``said`` of trials that it was not fitted to."""
-    error, covered = calibration_error(said), _mean(a.covered for a in said)
+    error, covered = calibration_error(said), _mean(said, lambda a: a.covered)
     return replace(table, judged=len(said), error=round(error, 4), coverage=round(covered, 4))
 
 
