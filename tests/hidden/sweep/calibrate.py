@@ -380,8 +380,8 @@ def page(
 
 
 WEIGHED = (
-    "Shares are weighted so that benches with nothing missing, one effect, two, and one that the catalogue is "
-    "without count as often as they are drawn: "
+    "Shares are weighted so that benches with nothing missing, one effect, two, and one that the catalogue "
+    "is without count as often as they are drawn: "
     + ", ".join(f"{100 * DRAWN[kind]:.0f}" for kind in ("nothing", "one", "pairs", "outside"))
     + " %."
 )
