@@ -62,7 +62,8 @@ def test_every_kind_is_counted_against_its_own_truth() -> None:
 
 
 def test_a_proposed_experiment_is_counted_by_what_it_changed() -> None:
-    after = {**entry(("backlash",), ("backlash",), 0.99), "expected": 10.0, "gained": 6.0}
+    proposal = {"expected_if": {"backlash": 10.0}}
+    after = {**entry(("backlash",), ("backlash",), 0.99), "proposal": proposal, "gained": 6.0}
     told = dict(
         figures(
             [
@@ -76,10 +77,9 @@ def test_a_proposed_experiment_is_counted_by_what_it_changed() -> None:
     assert told[name + "first"] == "1 of 3 (33 %)"
     assert told[name + "first after one proposed experiment"] == "2 of 3 (67 %)"
     assert told[name + "proposed where the truth did not stand alone"] == "1 of 2"
-    assert told[name + "the truth alone in the set after it, of those taken"] == "1 of 1 (100 %)"
-    assert (
-        told[name + "separation gained / expected, median; within a factor of two"] == "0.6; 1 of 1 (100 %)"
-    )
+    assert told[name + "the truth alone in the set after it"] == "2 of 3 (67 %)"
+    assert told[name + "... of those taken, where it was not alone before"] == "1 of 1 (100 %)"
+    assert told[name + "gain foretold of the truth within a factor of two"] == "1 of 1 (100 %)"
 
 
 def test_calibration_compares_what_was_told_with_what_was_right() -> None:

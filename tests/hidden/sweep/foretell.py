@@ -28,7 +28,14 @@ from fingerlab.diagnosis.experiment.separation import ForetellingTable, GainLine
 from fingerlab.diagnosis.settings import DECIDING_LOG_ODDS
 from fingerlab.sessions.model import Array
 from fingerlab.twin.effects import EFFECTS
-from tests.hidden.sweep.table import is_first, kept_by_hand, markdown_table
+from tests.hidden.sweep.table import (
+    LITTLE,
+    is_first,
+    kept_by_hand,
+    markdown_table,
+    told_of_truth,
+    well_told,
+)
 from tests.hidden.sweep.trials import Trial
 
 Entry = dict[str, Any]
@@ -36,8 +43,6 @@ STRIDE = 7
 """Seeds in a row take effects that stand so far apart in the catalogue."""
 LEAST_ODDS = 1e-280
 """A probability below it is rounding, and what it lost cannot be told."""
-LITTLE = math.log(2.0)
-"""Nats; what does not double the odds is no gain, and a ratio of such gains says nothing."""
 POPULATION = "simulated benches of the thesis' protocol with one effect each, and the run that was proposed"
 
 
@@ -134,18 +139,6 @@ def fit_table(entries: Sequence[Entry], version: str) -> ForetellingTable:
     return ForetellingTable(
         version, sum("after" in entry for entry in entries), POPULATION, among, bench, shows
     )
-
-
-def told_of_truth(entry: Entry) -> tuple[float, float] | None:
-    """Gain foretold of the truth, and as it came in the answers' probabilities, nats; None: none was told."""
-    follow, truth = entry.get("after", {}), entry["trial"]["effects"][0]
-    told = follow.get("proposal", {}).get("expected_if", {})
-    return (told[truth], follow["gained"]) if truth in told and follow["gained"] is not None else None
-
-
-def well_told(foretold: float, gained: float) -> bool:
-    """Within a factor of two, or both less than makes a run worth taking."""
-    return foretold / 2.0 <= gained <= 2.0 * foretold or max(abs(foretold), abs(gained)) < LITTLE
 
 
 def _share(hits: Sequence[bool]) -> str:

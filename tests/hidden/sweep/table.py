@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Sequence
 from typing import Any
@@ -141,29 +142,42 @@ def _after(name: str, pairs: Sequence[tuple[Entry, Sequence[str]]]) -> Rows:
         (f"{name}: first after one proposed experiment", _share(is_first(g, t) for g, t in followed)),
         (f"{name}: in the set after it", _share(in_set(g, t) for g, t in followed)),
         (f"{name}: proposed where the truth did not stand alone", f"{len(taken)} of {len(open_before)}"),
+        (f"{name}: the truth alone in the set after it", _share(alone(g, t) for g, t in followed)),
         (
-            f"{name}: the truth alone in the set after it, of those taken",
-            _share(g["after"].get("set") == list(t) for g, t in taken),
+            f"{name}: ... of those taken, where it was not alone before",
+            _share(alone(g["after"], t) for g, t in taken),
         ),
     ]
-    ratios = [
-        g["after"]["gained"] / g["after"]["expected"]
-        for g, _ in taken
-        if g["after"].get("gained") is not None and abs(g["after"]["gained"]) < MOST_LOG_ODDS
-    ]
-    if ratios:
-        near_two = _share(0.5 <= r <= 2.0 for r in ratios)
+    told = [both for g, _ in taken if (both := told_of_truth(g)) is not None]
+    if told:
         rows.append(
             (
-                f"{name}: separation gained / expected, median; within a factor of two",
-                f"{np.median(ratios):.2g}; {near_two}",
+                f"{name}: gain foretold of the truth within a factor of two",
+                _share(well_told(*t) for t in told),
             )
         )
     return rows
 
 
-MOST_LOG_ODDS = 600.0
-"""Beyond, a probability is zero in double precision, and what was gained cannot be told."""
+def alone(said: Entry, truth: Sequence[str]) -> bool:
+    """Whether the set holds the truth and nothing else."""
+    return list(said.get("set", [])) == list(truth)
+
+
+LITTLE = math.log(2.0)
+"""Nats; what does not double the odds is no gain, and a ratio of such gains says nothing."""
+
+
+def told_of_truth(entry: Entry) -> tuple[float, float] | None:
+    """Gain foretold of the truth, and as it came in the answers' probabilities, nats; None: none was told."""
+    follow, truth = entry.get("after", {}), entry["trial"]["effects"][0]
+    told = follow.get("proposal", {}).get("expected_if", {})
+    return (told[truth], follow["gained"]) if truth in told and follow["gained"] is not None else None
+
+
+def well_told(foretold: float, gained: float) -> bool:
+    """Within a factor of two, or both less than makes a run worth taking."""
+    return foretold / 2.0 <= gained <= 2.0 * foretold or max(abs(foretold), abs(gained)) < LITTLE
 
 
 def covered(entries: Sequence[Entry]) -> Rows:
