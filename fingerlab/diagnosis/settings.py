@@ -351,7 +351,7 @@ seen both runs, so that they count a second time."""
 
 UNKNOWN_SHARE = 0.65
 """An effect outside the catalogue is thought to explain this share of the misfit."""
-UNKNOWN_LEAST = 0.5
+UNKNOWN_LEAST = 0.3
 """... and is not thought of where the squared score is above one by less than about this: a misfit that small
 comes from what every bench does a little (rubbing at the fingertip, joints that stick)."""
 UNKNOWN_LEAST_BEYOND = 6.0
