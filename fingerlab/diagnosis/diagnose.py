@@ -54,7 +54,7 @@ from fingerlab.diagnosis.score.evidence import (
 )
 from fingerlab.diagnosis.score.fitted_model import FittedModel, at_found_shapes, paired_score
 from fingerlab.diagnosis.score.scorer import Scorer
-from fingerlab.diagnosis.score.selection import justified, much_left
+from fingerlab.diagnosis.score.selection import justified, lacks_fit
 from fingerlab.diagnosis.search.grid_refinement import fit_refined, with_shapes_of
 from fingerlab.diagnosis.search.next_effect import held_back
 from fingerlab.diagnosis.search.rivals import Rival, odds_of_rivals
@@ -135,7 +135,7 @@ def diagnose(
         check_held(reduction, scorer, given)
         question = Question(reduction, catalogue, given, stages, alone)
         found = search_effects(question, scorer)
-        if much_left(found.path[-1], NEARLY_RIGHT):
+        if lacks_fit(found.path[-1], NEARLY_RIGHT):
             found = searched_again(question, scorer, found)
         return _answer(question, found, display, started)
 

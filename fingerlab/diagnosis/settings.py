@@ -304,7 +304,7 @@ LEAST_FALL = 0.05
 """... and lower the squared score by this much: below, the misfit is a matter of sensor steps."""
 LEAST_FALL_BEYOND = 0.2
 """The same for a model that holds an effect already: its own law is never quite the plant's."""
-CONTACT_CHARGE = 0.1
+CONTACT_PENALTY = 0.1
 """... and by this much more where it explains runs in contact alone: how a tip rubs and settles is never
 described to the end, and a lean of the force takes up what is left."""
 CONTACT_SHARE = 0.6
@@ -351,7 +351,7 @@ seen both runs, so that they count a second time."""
 
 UNKNOWN_SHARE = 0.65
 """An effect outside the catalogue is thought to explain this share of the misfit."""
-UNKNOWN_LEAST = 0.3
+UNKNOWN_LEAST = 0.5
 """... and is not thought of where the squared score is above one by less than about this: a misfit that small
 comes from what every bench does a little (rubbing at the fingertip, joints that stick)."""
 UNKNOWN_LEAST_BEYOND = 6.0

@@ -11,13 +11,13 @@ from fingerlab.diagnosis.fit.data import temperature
 from fingerlab.diagnosis.fit.solver import Fit
 from fingerlab.diagnosis.score.evidence import (
     alike,
-    beside_others,
-    borne_out,
+    averaged_over_weights,
     exchanged,
+    given_the_others,
     judge,
-    under_both,
+    judged_with_path,
 )
-from fingerlab.diagnosis.score.selection import justified, small_excess
+from fingerlab.diagnosis.score.selection import justified, penalty_of_small_excess
 from fingerlab.effects import CATALOGUE
 
 from .invented import at_score as trial
@@ -108,15 +108,15 @@ def test_a_small_excess_at_low_speed_is_not_stribecks(share: float, against: flo
     names = found.model.index
     values = [share if "extra" in name else 1.0 for name in names]
     fit = Fit(np.array(values), found.fit.information, found.fit.cost)
-    assert small_excess(replace(found, fit=fit)) == pytest.approx(against, abs=0.01)
-    assert small_excess(trial(1.1, SMALL)) == 0.0
+    assert penalty_of_small_excess(replace(found, fit=fit)) == pytest.approx(against, abs=0.01)
+    assert penalty_of_small_excess(trial(1.1, SMALL)) == 0.0
 
 
 @pytest.mark.parametrize("base", [3.0, 60.0])
 def test_what_further_effects_explain_is_no_sign_of_something_outside(base: float) -> None:
     evidence = judged(base, viscous_friction=0.85 * base)
     assert evidence.unknown > 0.99
-    steps = borne_out(evidence, trial(1.05, "viscous_friction", "motor_inertia"))
+    steps = judged_with_path(evidence, trial(1.05, "viscous_friction", "motor_inertia"))
     assert named(steps, "viscous_friction") > 0.99
     assert steps.probabilities.sum() + steps.nothing + steps.unknown == pytest.approx(1.0)
 
@@ -128,10 +128,10 @@ def test_a_path_is_judged_in_its_own_floors() -> None:
     evidence = replace(first, base=rescored.base, candidates=rescored.candidates)
     assert evidence.unknown > 0.99
     path = trial(1.2, "motor_inertia", "stribeck_friction")
-    assert named(borne_out(evidence, path), "motor_inertia") > 0.99
+    assert named(judged_with_path(evidence, path), "motor_inertia") > 0.99
     # What leaves as much as one effect does is no sign of anything.
     idle = trial(4.2, "motor_inertia", "stribeck_friction")
-    assert borne_out(evidence, idle) is evidence
+    assert judged_with_path(evidence, idle) is evidence
 
 
 def test_odds_are_the_mean_of_those_under_both_weights() -> None:
@@ -139,14 +139,14 @@ def test_odds_are_the_mean_of_those_under_both_weights() -> None:
     first = judged(4.2, capstan_friction=1.0, load_dependent_friction=1.2)
     last = judged(4.2, capstan_friction=1.2, load_dependent_friction=1.0)
     rescored = replace(first, base=last.base, candidates=last.candidates)
-    both = under_both(rescored, "load_dependent_friction")
+    both = averaged_over_weights(rescored, "load_dependent_friction")
     assert named(first, "capstan_friction") > 0.99
     assert named(last, "load_dependent_friction") > 0.99
     even = 0.5 * (first.log_odds + last.log_odds)
     assert both.log_odds == pytest.approx(even - even.max(), abs=1e-5)
     assert both.probabilities.sum() == pytest.approx(first.probabilities.sum())
     # Where the mean prefers another, the one that the path begins with stays first, and as likely.
-    tied = under_both(rescored, "capstan_friction")
+    tied = averaged_over_weights(rescored, "capstan_friction")
     assert tied.best.last_effect.id == "capstan_friction"
     assert named(tied, "capstan_friction") == pytest.approx(named(tied, "load_dependent_friction"), rel=1e-3)
 
@@ -164,7 +164,7 @@ def test_a_plainer_law_takes_the_odds_of_the_one_that_it_replaces() -> None:
 
 def test_one_effect_alone_is_judged_by_itself() -> None:
     evidence = judged(3.0, viscous_friction=1.1)
-    assert borne_out(evidence, trial(1.1, "viscous_friction")) is evidence
+    assert judged_with_path(evidence, trial(1.1, "viscous_friction")) is evidence
 
 
 def test_where_one_stood_for_two_the_verdict_names_what_does_best_beside_the_other() -> None:
@@ -177,7 +177,7 @@ def test_where_one_stood_for_two_the_verdict_names_what_does_best_beside_the_oth
             trial(2.2, "stiffness_error", "varying_moment_arm"),
         ],
     )
-    told = beside_others(stood_for, beside)
+    told = given_the_others(stood_for, beside)
     assert named(told, "angle_sensor_nonlinearity") > 0.9
     assert named(told, "stiffness_error") < 1e-100  # it is there in any case, and none of the answers
     assert told.probabilities.sum() == pytest.approx(stood_for.probabilities.sum())

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fingerlab.diagnosis.answer.results import OtherModel, PathStep
-from fingerlab.diagnosis.score.evidence import doubted, judge, with_rivals
+from fingerlab.diagnosis.score.evidence import judge, with_lack_of_fit, with_rivals
 from fingerlab.effects import CATALOGUE
 from fingerlab.report import diagnosis_words as words
 from tests.ui import invented
@@ -48,11 +48,17 @@ def test_nothing_is_not_missing_where_a_third_of_a_floor_is_left(score: float) -
     for added in ((), ("coulomb_friction",)):
         evidence = replace(judged(1.1), base=at_score(score, *added))
         assert evidence.verdict == "nothing_missing"
-        after = doubted(evidence, evidence.base)
+        after = with_lack_of_fit(evidence, evidence.base)
         assert after.verdict == "not_in_catalogue"
         assert after.nothing + after.unknown == pytest.approx(evidence.nothing + evidence.unknown)
+    # One long condition in which much is left weighs less in the misfit than in the score, which is told.
+    long = replace(at_score(1.0), misfits=np.array([[3500.0, 3000.0], *[[0.0, 100.0]] * 5]))
+    assert long.score > 1.41
+    assert long.misfit < long.count
+    told = replace(judged(1.1), base=long)
+    assert with_lack_of_fit(told, long).verdict == "not_in_catalogue"
     plain = judged(1.1)
-    assert doubted(plain, plain.base).verdict == "nothing_missing"
+    assert with_lack_of_fit(plain, plain.base).verdict == "nothing_missing"
 
 
 @pytest.mark.parametrize(
@@ -63,7 +69,7 @@ def test_no_effect_is_missing_where_a_path_leaves_a_tenth_of_ten_floors(left: fl
     best = at_score(left, "backlash")
     evidence = judge(at_score(10.0), [best, at_score(10.0, "viscous_friction")])
     assert evidence.verdict == "missing_effect"
-    assert doubted(evidence, best).verdict == verdict
+    assert with_lack_of_fit(evidence, best).verdict == verdict
 
 
 def test_an_exchange_is_told_with_its_figures() -> None:

@@ -11,7 +11,7 @@ from fingerlab.diagnosis.diagnose import likeliest_constants
 from fingerlab.diagnosis.equations.features import Pick
 from fingerlab.diagnosis.fit.run_spreads import find_constants
 from fingerlab.diagnosis.gram.reduction import Reduction
-from fingerlab.diagnosis.gram.sums import EquationWeights, RunConstants, RunTotals, Sums, taken_up
+from fingerlab.diagnosis.gram.sums import EquationWeights, RunConstants, RunTotals, Sums, schur_complement
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
 from fingerlab.effects.base import Row
@@ -45,7 +45,7 @@ def test_what_is_integrated_out_is_a_dense_covariance(slack: int) -> None:
     of = EquationWeights.of(weights)
     pull = constants.pull(("flexion", "free"), [totals], pick, of)
     grip = constants.grip(("flexion", "free"), [totals], of)
-    products = EFFECTIVE_SHARE * sums.among(pick, of) - taken_up(pull, grip, pull)
+    products = EFFECTIVE_SHARE * sums.among(pick, of) - schur_complement(pull, grip, pull)
     noise = np.kron(np.eye(samples), np.linalg.inv(EFFECTIVE_SHARE * weights))
     common = np.kron(np.ones((samples, samples)), share @ np.diag(spreads**2) @ share.T)
     told = np.ones((samples, 5), dtype=bool)

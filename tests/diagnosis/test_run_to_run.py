@@ -8,7 +8,7 @@ from scipy.optimize import lsq_linear, minimize
 
 from fingerlab.diagnosis.equations.model import Choice, build
 from fingerlab.diagnosis.fit.data import Weighted, own_to_a_run
-from fingerlab.diagnosis.fit.own_parts import Own
+from fingerlab.diagnosis.fit.random_effects import RandomEffects
 from fingerlab.diagnosis.fit.solver import Fitter
 from fingerlab.diagnosis.gram.reduction import reduce_sessions
 from fingerlab.diagnosis.gram.sums import Reduced
@@ -39,7 +39,7 @@ def test_what_a_run_has_of_its_own_goes_no_further_than_runs_differ_by(off: tupl
     bend = np.array([[1e4, 4e3], [4e3, 5e3]])
     parts = 0.05 * np.diag(off)
     across = (bend @ parts)[None]
-    own = Own(parts, np.array([0]), across, across, firmness=2.0, bound=3.0)
+    own = RandomEffects(parts, np.array([0]), across, across, precision=2.0, bound=3.0)
 
     def left(told: np.ndarray) -> float:
         def misfit(x: np.ndarray) -> float:
@@ -51,7 +51,10 @@ def test_what_a_run_has_of_its_own_goes_no_further_than_runs_differ_by(off: tupl
 
     told = np.array(off)
     assert told @ bend @ told - own.explained(told) == pytest.approx(left(told), rel=1e-5)
-    slope, curvature = 2.0 * (bend - own.taken_up.matrix[0]) @ told, bend - own.taken_up.matrix[0]
+    slope, curvature = (
+        2.0 * (bend - own.schur_complement.matrix[0]) @ told,
+        bend - own.schur_complement.matrix[0],
+    )
     beyond = own.beyond(told)
     assert (beyond is not None) == (max(off) > 0.1)
     if beyond is not None:
@@ -70,7 +73,7 @@ def test_many_runs_are_bounded_at_once_as_each_would_be_alone(parts: int) -> Non
     mixed = draw.normal(size=(40, parts, parts))
     bends = 30.0 * (mixed @ mixed.transpose(0, 2, 1)) + 0.1 * np.eye(parts)
     told, unit = draw.normal(size=parts), np.eye(parts)
-    own = Own(unit, np.arange(40), bends, bends, firmness=1.0, bound=0.5)
+    own = RandomEffects(unit, np.arange(40), bends, bends, precision=1.0, bound=0.5)
 
     def left(bend: np.ndarray) -> float:
         factor = np.linalg.cholesky(bend).T

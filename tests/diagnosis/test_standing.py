@@ -11,8 +11,8 @@ from fingerlab.diagnosis.fit.solver import Fitter
 from fingerlab.diagnosis.gram.decimation import rest_moments
 from fingerlab.diagnosis.gram.reduction import reduce_sessions
 from fingerlab.diagnosis.score.scorer import Scorer
-from fingerlab.diagnosis.score.selection import contact_charge
-from fingerlab.diagnosis.settings import CONTACT_CHARGE, NARROW_RATE_HZ, WIDE_RATE_HZ
+from fingerlab.diagnosis.score.selection import contact_penalty
+from fingerlab.diagnosis.settings import CONTACT_PENALTY, NARROW_RATE_HZ, WIDE_RATE_HZ
 from fingerlab.diagnosis.signals.filters import decimate
 from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import Row
@@ -98,9 +98,9 @@ def test_a_model_without_friction_is_weighed_as_ever(scorer: Scorer) -> None:
 def test_how_a_tip_rubs_is_held_against_a_lean_and_not_against_a_span(scorer: Scorer) -> None:
     """A force along the face may pass for one that leans; a normal one turns the joints otherwise."""
     charges = {
-        name: contact_charge(scorer.bare, scorer.fit([Choice(CATALOGUE[name])], iterations=1))
+        name: contact_penalty(scorer.bare, scorer.fit([Choice(CATALOGUE[name])], iterations=1))
         for name in ("load_cell_gain", "contact_angle", "contact_compliance")
     }
     assert charges == {
-        "load_cell_gain": 0.0, "contact_angle": CONTACT_CHARGE, "contact_compliance": CONTACT_CHARGE
+        "load_cell_gain": 0.0, "contact_angle": CONTACT_PENALTY, "contact_compliance": CONTACT_PENALTY
     }  # fmt: skip

@@ -12,8 +12,8 @@ from fingerlab.diagnosis.search.path import one_more_each
 from fingerlab.diagnosis.search.strategy import (
     FirstStep,
     RefinedPath,
-    asks_for_more,
     earns_its_steps,
+    worth_a_further_effect,
     worth_restarting,
 )
 
@@ -62,7 +62,7 @@ def test_each_effect_of_a_longer_path_explains_two_fifths_of_what_is_left(left: 
 @pytest.mark.parametrize(("left", "more"), [(0.1, False), (0.19, False), (0.21, True), (0.3, True)])
 def test_no_further_effect_is_sought_where_the_first_leaves_little(left: float, more: bool) -> None:
     """A further effect must lower the squared score by 0.2."""
-    assert asks_for_more(leaving(left, "capstan_friction")) == more
+    assert worth_a_further_effect(leaving(left, "capstan_friction")) == more
 
 
 def test_a_path_adds_one_effect_at_each_step() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fingerlab.diagnosis.score.evidence import Evidence, judge
-from fingerlab.diagnosis.search.grid_refinement import untied, worth_untying
+from fingerlab.diagnosis.search.grid_refinement import ties_to_refine, with_refined_odds
 
 from .invented import leaving
 
@@ -21,8 +21,8 @@ def tied(left: float, names: tuple[str, str] = PAIR, before: float = BEFORE) -> 
 
 def test_the_one_that_leaves_less_between_its_points_is_named() -> None:
     evidence = tied(17.0)
-    assert sorted(worth_untying(evidence)) == [0, 1]
-    after = untied(evidence, [0, 1], [leaving(16.0, PAIR[0]), leaving(3.0, PAIR[1])])
+    assert sorted(ties_to_refine(evidence)) == [0, 1]
+    after = with_refined_odds(evidence, [0, 1], [leaving(16.0, PAIR[0]), leaving(3.0, PAIR[1])])
     # Beyond the usual 0.14, to the power of half of sixteen values. The first has two unknowns and the second
     # three, a share for each cable, each of which takes a thousandth of the fall; one more costs half a nat.
     left = [misfit + n * 0.001 * (BEFORE - misfit) for misfit, n in ((16.0, 2), (3.0, 3))]
@@ -34,18 +34,18 @@ def test_the_one_that_leaves_less_between_its_points_is_named() -> None:
 
 def test_alike_they_stay_alike() -> None:
     evidence = tied(6.0)
-    after = untied(evidence, [0, 1], [leaving(5.0, PAIR[0]), leaving(5.0, PAIR[1])])
+    after = with_refined_odds(evidence, [0, 1], [leaving(5.0, PAIR[0]), leaving(5.0, PAIR[1])])
     assert after.log_odds == pytest.approx(evidence.log_odds, abs=0.02)
 
 
 def test_what_every_bench_leaves_is_not_looked_into() -> None:
-    assert worth_untying(tied(0.15, before=3.0))
-    assert not worth_untying(tied(0.12, before=3.0))  # 0.14 is what every model leaves
+    assert ties_to_refine(tied(0.15, before=3.0))
+    assert not ties_to_refine(tied(0.12, before=3.0))  # 0.14 is what every model leaves
 
 
 def test_effects_without_other_shapes_are_not_looked_at() -> None:
-    assert not worth_untying(tied(6.0, ("viscous_friction", "motor_viscous_friction")))
+    assert not ties_to_refine(tied(6.0, ("viscous_friction", "motor_viscous_friction")))
 
 
 def test_one_alone_is_not_looked_at() -> None:
-    assert not worth_untying(judge(leaving(BEFORE), [leaving(3.0, PAIR[1]), leaving(40.0, PAIR[0])]))
+    assert not ties_to_refine(judge(leaving(BEFORE), [leaving(3.0, PAIR[1]), leaving(40.0, PAIR[0])]))

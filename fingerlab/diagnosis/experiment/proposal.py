@@ -36,7 +36,11 @@ from fingerlab.diagnosis.score.calibration import Predicted
 from fingerlab.diagnosis.score.evidence import Evidence, Verdict
 from fingerlab.diagnosis.score.fitted_model import FittedModel, condition_weights, values_at_typical_strength
 from fingerlab.diagnosis.score.scorer import Scorer
-from fingerlab.diagnosis.score.selection import by_what_is_left, left_for, small_excess
+from fingerlab.diagnosis.score.selection import (
+    log_odds_of_misfits,
+    misfit_of_log_odds,
+    penalty_of_small_excess,
+)
 from fingerlab.diagnosis.settings import (
     CHANCES,
     COST_OF_CHANGE,
@@ -344,7 +348,7 @@ class Hidden:
                 continue
             left = apart(self.scorer.reduced, run, self.pairs[k][0], self.evidence.candidates[i], 1.0).left
             wrong = _after(base, run, usual, usual * values + left)
-            odds = by_what_is_left(np.array([right, wrong]))
+            odds = log_odds_of_misfits(np.array([right, wrong]))
             paired = _paired_gain(self.scorer, run, self.pairs[k][0], self.evidence.candidates[i])
             gains[i] = max(float(odds[0] - odds[1]) + paired, LEAST_PROBABILITY)  # 0: not looked at
         return gains
@@ -398,13 +402,13 @@ def _gain(scorer: Scorer, run: PredictedRun, evidence: Evidence, true: int, othe
     alone = run.kind.group.on_bench and not any(g.on_bench for g in scorer.reduced.groups)
     found = apart(scorer.reduced, run, _with_offsets(truth) if alone else truth, rival, evidence.temperature)
     odds = evidence.log_odds[[true, other]]
-    left = [left_for(float(one), evidence.least_left) for one in odds - odds.max()]
+    left = [misfit_of_log_odds(float(one), evidence.least_left) for one in odds - odds.max()]
     usual = _values(run) * left[0]
     after = [
         _after(truth, run, left[0], usual),
         _after(truth, run, left[1], usual + found.left * evidence.temperature),
     ]
-    gain = by_what_is_left(np.array(after)) - by_what_is_left(np.array(left))
+    gain = log_odds_of_misfits(np.array(after)) - log_odds_of_misfits(np.array(left))
     told = float(gain[0] - gain[1]) + _paired_gain(scorer, run, truth, rival)
     return told + (0.5 * found.zero + _constants(scorer, truth, rival) if alone else 0.0)
 
@@ -420,8 +424,8 @@ def _constants(scorer: Scorer, truth: FittedModel, rival: FittedModel) -> float:
     """Log odds that a first run of the motor alone brings by what the constants are known to be then."""
     gain = 0.5 * (scorer.penalty_of_bench_run(rival) - scorer.penalty_of_bench_run(truth))
     if rival.last_effect.offsets and not truth.last_effect.offsets:
-        gain += small_excess(rival, scorer.zero_spread) - small_excess(rival)
-    return gain + (small_excess(truth) if truth.last_effect.offsets else 0.0)
+        gain += penalty_of_small_excess(rival, scorer.zero_spread) - penalty_of_small_excess(rival)
+    return gain + (penalty_of_small_excess(truth) if truth.last_effect.offsets else 0.0)
 
 
 def _with_offsets(fitted: FittedModel) -> FittedModel:

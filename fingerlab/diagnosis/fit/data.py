@@ -253,7 +253,7 @@ class Data:
     def by_constants(
         self, i: int, part: FoldNumbers | None, weights: EquationWeights, picks: Sequence[Pick]
     ) -> tuple[Array, list[Array]] | None:
-        """What ``taken_up`` needs to take the runs' own constants out of products of some features.
+        """What ``schur_complement`` needs to take the runs' own constants out of products of some features.
 
         How well the constants are known, and for each of the ``picks`` its products with them; None: the runs
         of group ``i`` have none.

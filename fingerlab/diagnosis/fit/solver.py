@@ -27,8 +27,13 @@ from fingerlab.diagnosis.fit.data import (
     tells_set_down,
     temperature,
 )
-from fingerlab.diagnosis.fit.own_parts import Beyond, Own
-from fingerlab.diagnosis.gram.sums import EquationWeights, feature_weights, taken_up, taken_up_by_folds
+from fingerlab.diagnosis.fit.random_effects import BoundTerms, RandomEffects
+from fingerlab.diagnosis.gram.sums import (
+    EquationWeights,
+    feature_weights,
+    schur_complement,
+    taken_up_by_folds,
+)
 from fingerlab.diagnosis.settings import (
     LEAST_GAIN,
     LEAST_GAIN_SHARE,
@@ -102,7 +107,7 @@ class Fitter:
         self.widening = 0.0  # see Data.held, all groups together
         self._held: list[Array | None] = [None] * len(data.groups)
         self.wanders = bool(model.wandering) or bool(model.set_down.any())
-        self._own: dict[int, list[Own]] = {}  # by group
+        self._own: dict[int, list[RandomEffects]] = {}  # by group
         self._still: dict[int, Array] = {}
         self._weight: dict[int, Array] = {}
         self._change: dict[int, Array] = {}
@@ -118,12 +123,12 @@ class Fitter:
         for i in range(len(self.data.groups)):
             whole = self.part(i, None)
             for one in self._own.get(i, ()):  # integrated out as a Gaussian: it tells nothing of other runs
-                taken = one.taken_up_together
+                taken = one.schur_complement_of_all
                 whole = Weighted(whole.curvature - taken.curvature, whole.matrix - taken.matrix)
             found.append(whole)
         return found
 
-    def _weighed(self, own: dict[int, list[Own]], told: Array) -> dict[int, list[Own]]:
+    def _weighed(self, own: dict[int, list[RandomEffects]], told: Array) -> dict[int, list[RandomEffects]]:
         """The runs' own parts, held the more firmly the more the model leaves all the same.
 
         What weighs less than its face value must not be bought with a friction of each run's own.
@@ -133,7 +138,7 @@ class Fitter:
         left -= sum(one.explained(told[i]) for i, each in own.items() for one in each)
         heat = temperature(left, EFFECTIVE_SHARE * sum(g.equations * g.samples for g in groups))
         bound = MOST_WANDER / np.sqrt(heat)  # of the narrower distribution, too
-        return {i: [replace(one, firmness=heat, bound=bound) for one in each] for i, each in own.items()}
+        return {i: [replace(one, precision=heat, bound=bound) for one in each] for i, each in own.items()}
 
     def _seen(self, i: int) -> Weighted:
         """Weighted products over every fold as they count in those of the group, (folds, k, k)."""
@@ -142,8 +147,8 @@ class Fitter:
             return sums
         seen = Weighted(sums.curvature.copy(), sums.matrix.copy())
         for one in self._own[i]:
-            seen.curvature[one.folds] -= one.taken_up.curvature
-            seen.matrix[one.folds] -= one.taken_up.matrix
+            seen.curvature[one.folds] -= one.schur_complement.curvature
+            seen.matrix[one.folds] -= one.schur_complement.matrix
         return seen
 
     def stacked(self) -> Weighted:
@@ -164,7 +169,7 @@ class Fitter:
             told = self._by_constants(i)
             if told is not None:
                 grip, pull = (one[self.data.runs_of(i, part)] for one in told)
-                found = found.less(taken_up(pull, grip, pull))
+                found = found.less(schur_complement(pull, grip, pull))
             self._parts[i, part] = found
         return self._parts[i, part]
 
@@ -254,16 +259,16 @@ class Fitter:
             self._change = {i: one for i, one in self._change.items() if i not in resting}
             self._constants = {i: one for i, one in self._constants.items() if i not in resting}
         if self.wanders and apart:
-            self._own = self._own_parts(values, told, trusted)
+            self._own = self._random_effects(values, told, trusted)
             if not trusted:
                 self._own = self._weighed(self._own, told)
 
-    def _own_parts(self, values: Array, told: Array, trusted: bool) -> dict[int, list[Own]]:
+    def _random_effects(self, values: Array, told: Array, trusted: bool) -> dict[int, list[RandomEffects]]:
         """What the runs have of their own, by group; no group is there without any.
 
         ``trusted``: however far it would go.
         """
-        result: dict[int, list[Own]] = {}
+        result: dict[int, list[RandomEffects]] = {}
         bound = np.inf if trusted else MOST_WANDER
         for i, group in enumerate(self.data.groups):
             alike: dict[bool, list[int]] = {}  # conditions whose runs have the same parts
@@ -274,7 +279,7 @@ class Fitter:
                 folds = np.array(sorted(k for c in conditions for k in group.of_condition(c)))
                 if parts.shape[1] and len(folds):
                     curved, pulled = self._across(i, parts, folds)
-                    result.setdefault(i, []).append(Own(parts, folds, curved, pulled, 1.0, bound))
+                    result.setdefault(i, []).append(RandomEffects(parts, folds, curved, pulled, 1.0, bound))
         return result
 
     def _across(self, i: int, parts: Array, folds: IntArray) -> tuple[Array, Array]:
@@ -306,7 +311,7 @@ class Fitter:
         for h, matrix in zip(told, self.stacked().matrix, strict=True):
             result += float(h @ matrix @ h)
         for i, each in self._own.items():
-            result += sum(one.misfit_beyond(told[i]) for one in each)
+            result += sum(one.misfit_at_bounds(told[i]) for one in each)
         return result
 
     def _prior_weight(self) -> Array:
@@ -450,7 +455,7 @@ class Fitter:
             bend = bend + along.matrix.sum(axis=0)
         return gradient, information, bend
 
-    def _beyond(self, told: Array) -> Iterator[tuple[int, Beyond]]:
+    def _beyond(self, told: Array) -> Iterator[tuple[int, BoundTerms]]:
         """What the bounds of the runs' own parts add, with the number of their group."""
         for i, each in self._own.items():
             for one in each:

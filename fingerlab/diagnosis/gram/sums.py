@@ -155,7 +155,7 @@ class Offsets:
         return np.asarray(products + (square - cross - cross.transpose(0, 2, 1)).sum(axis=0))
 
 
-def taken_up(left: Array, grip: Array, right: Array) -> Array:
+def schur_complement(left: Array, grip: Array, right: Array) -> Array:
     """What the constants of all runs take up of weighted products of features, (k, n).
 
     Args:
@@ -174,7 +174,7 @@ def taken_up_by_folds(grip: Array, pull: Array, folds: Sequence[Any]) -> Array:
     """
     if all(len(runs) == 1 for runs in folds):
         return np.asarray(pull @ grip @ pull.transpose(0, 2, 1))
-    return np.stack([taken_up(pull[runs], grip[runs], pull[runs]) for runs in folds])
+    return np.stack([schur_complement(pull[runs], grip[runs], pull[runs]) for runs in folds])
 
 
 def with_constants(totals: Sequence[RunTotals], pick: Pick, weights: EquationWeights) -> Array:

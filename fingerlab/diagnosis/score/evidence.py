@@ -16,16 +16,16 @@ import numpy as np
 from fingerlab.diagnosis.score.calibration import Odds
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.score.selection import (
-    along_the_axis,
-    charge,
-    contact_charge,
+    acts_along_load_axis,
+    complexity_penalty,
+    contact_penalty,
+    lacks_fit,
     least_explained,
     log_odds_among,
-    much_left,
 )
 from fingerlab.diagnosis.settings import (
     AS_LIKELY,
-    CONTACT_CHARGE,
+    CONTACT_PENALTY,
     CONTACT_SHARE,
     DECIDING_LOG_ODDS,
     DOUBTED,
@@ -33,6 +33,7 @@ from fingerlab.diagnosis.settings import (
     LEAST_PROBABILITY,
     MOST_ODDS,
     MOST_UNDETECTED,
+    MUCH,
     NOT_BORNE_OUT,
     PRIOR_EFFECTS,
     PRIOR_NOTHING,
@@ -116,9 +117,9 @@ def judge(base: FittedModel, candidates: Sequence[FittedModel]) -> Evidence:
             they could matter.
     """
     zero, count = max(base.misfit, 0.0), base.count
-    charged = np.array([t.misfit + charge(base, t) for t in candidates])
+    charged = np.array([t.misfit + complexity_penalty(base, t) for t in candidates])
     heat = base.heat(min((t.misfit for t in candidates), default=zero))
-    in_contact = contact_charge(base, candidates[int(np.argmin(charged))]) if len(candidates) else 0.0
+    in_contact = contact_penalty(base, candidates[int(np.argmin(charged))]) if len(candidates) else 0.0
     tolerated = zero - least_explained(base, zero, count, in_contact)
     effects = -0.5 * charged / heat + np.log(PRIOR_EFFECTS / max(len(candidates), 1))
     nothing = -0.5 * tolerated / heat + np.log(PRIOR_NOTHING)
@@ -146,7 +147,7 @@ def shares_of(log_odds: Array) -> Array:
     return np.asarray(shares / max(float(shares.sum()), 1.0))
 
 
-def distrusted(evidence: Evidence) -> Evidence:
+def with_best_unconfirmed(evidence: Evidence) -> Evidence:
     """The evidence when the held-out runs do not bear the best step out under the weights of either model."""
     kept = evidence.probabilities * NOT_BORNE_OUT
     rest = float(evidence.probabilities.sum() - kept.sum())
@@ -160,7 +161,7 @@ def distrusted(evidence: Evidence) -> Evidence:
     )
 
 
-def borne_out(evidence: Evidence, last: FittedModel) -> Evidence:
+def judged_with_path(evidence: Evidence, last: FittedModel) -> Evidence:
     """The evidence when steps of which each is justified lead from the base to ``last``.
 
     What one effect leaves and others of the catalogue explain is no sign of something outside of it. All is
@@ -187,7 +188,7 @@ def borne_out(evidence: Evidence, last: FittedModel) -> Evidence:
     return replace(evidence, probabilities=shares, nothing=none, unknown=other, logs=logs)
 
 
-def under_both(rescored: Evidence, first: str) -> Evidence:
+def averaged_over_weights(rescored: Evidence, first: str) -> Evidence:
     """The evidence with the mean of the odds that its effects have and those that its weights give them.
 
     How much of what is left a model may call noise is not known better: near the floor, odds of e^10 under
@@ -222,7 +223,7 @@ def exchanged(evidence: Evidence, law: str, plainer: str) -> Evidence:
     return replace(evidence, log_odds=log_odds, probabilities=probabilities)
 
 
-def begun_by(evidence: Evidence, path: Sequence[FittedModel]) -> Evidence:
+def with_first_step(evidence: Evidence, path: Sequence[FittedModel]) -> Evidence:
     """The evidence when a path of many effects leaves little of what is missed: its first effect is missing.
 
     Which is first depends on the others, which single effects do not have beside them.
@@ -278,16 +279,17 @@ def shares_of_rivals(log_odds: Mapping[str, float]) -> dict[str, float]:
     return {name: float(np.exp(odds - total)) for name, odds in log_odds.items()}
 
 
-def doubted(evidence: Evidence, last: FittedModel) -> Evidence:
+def with_lack_of_fit(evidence: Evidence, last: FittedModel) -> Evidence:
     """The evidence where what is left at the ``last`` of the path says that something unknown is missing.
 
     Where a model leaves much, "nothing missing" cannot be said; nor can an effect be said to be what is
     missing where it and all that follow explain too little of it.
     """
-    if evidence.verdict == "nothing_missing" and much_left(evidence.base):
+    told_as_lacking = evidence.base.score**2 - 1.0 > MUCH  # the score counts every sample, the misfit conditions
+    if evidence.verdict == "nothing_missing" and (lacks_fit(evidence.base) or told_as_lacking):
         nothing = DOUBTED * evidence.nothing
         return replace(evidence, nothing=nothing, unknown=evidence.unknown + evidence.nothing - nothing)
-    far = much_left(last, UNEXPLAINED) and last.misfit > UNEXPLAINED_SHARE * evidence.base.misfit
+    far = lacks_fit(last, UNEXPLAINED) and last.misfit > UNEXPLAINED_SHARE * evidence.base.misfit
     if evidence.verdict == "missing_effect" and far:
         taken = (1.0 - DOUBTED) * float(evidence.probabilities.sum())
         return replace(
@@ -296,7 +298,7 @@ def doubted(evidence: Evidence, last: FittedModel) -> Evidence:
     return evidence
 
 
-def stranger(evidence: Evidence, again: Evidence) -> Evidence:
+def at_least_as_unknown(evidence: Evidence, again: Evidence) -> Evidence:
     """The evidence where something unknown is at least as likely as when it is judged ``again``."""
     if again.unknown <= evidence.unknown:
         return evidence
@@ -309,7 +311,7 @@ def stranger(evidence: Evidence, again: Evidence) -> Evidence:
     )
 
 
-def beside_others(evidence: Evidence, beside: Evidence) -> Evidence:
+def given_the_others(evidence: Evidence, beside: Evidence) -> Evidence:
     """The evidence, and which effect it is by what each does ``beside`` others that are missing, too.
 
     Those others are in the models of ``beside``, and are none of the answers.
@@ -347,7 +349,7 @@ def with_undetected(evidence: Evidence) -> Evidence:
         if fitted.last_effect.special == "slack":
             factors.append(0.0)
         else:
-            fall = base.misfit_in_sample - fitted.misfit_in_sample - charge(base, fitted)
+            fall = base.misfit_in_sample - fitted.misfit_in_sample - complexity_penalty(base, fitted)
             factors.append(bayes_factor(fitted, fall, needed_fall(evidence, fitted)))
     prior = PRIOR_EFFECTS / max(len(factors), 1) / PRIOR_NOTHING
     return share_undetected(evidence, factors, prior)
@@ -357,13 +359,13 @@ def needed_fall(evidence: Evidence, fitted: FittedModel) -> float:
     """By how much the misfit must fall for a candidate's effect to be told, beside the best model found."""
     base = evidence.base
     remaining = min([base.misfit, *(t.misfit for t in evidence.candidates)])
-    in_contact = CONTACT_CHARGE if _reaches_contact_alone(fitted) else 0.0
+    in_contact = CONTACT_PENALTY if _reaches_contact_alone(fitted) else 0.0
     least = least_explained(base, remaining, base.count) + in_contact * base.count
     return max(least, 2.0 * DECIDING_LOG_ODDS * evidence.temperature)
 
 
 def _reaches_contact_alone(fitted: FittedModel) -> bool:
-    if along_the_axis(fitted):
+    if acts_along_load_axis(fitted):
         return False
     falls = fitted.sensitivity.falls
     return bool(len(falls)) and float(falls[fitted.in_contact].sum()) > CONTACT_SHARE * float(falls.sum())

@@ -18,7 +18,7 @@ import numpy as np
 from fingerlab.diagnosis.equations.features import BoolArray
 from fingerlab.diagnosis.score.fitted_model import FittedModel, paired_log_odds
 from fingerlab.diagnosis.settings import (
-    CONTACT_CHARGE,
+    CONTACT_PENALTY,
     CONTACT_SHARE,
     COST_OF_A_GAIN,
     DECIDING_LOG_ODDS,
@@ -53,13 +53,13 @@ def justified(base: FittedModel, fitted: FittedModel, level: float = 0.0, reach:
     explained = min(fall, fall + level) if base.choices else fall
     explained = min(explained, max(base.misfit, reach, 0.0))  # what lies below the floor is no misfit
     heat = fitted.heat()
-    in_contact = contact_charge(base, fitted)
-    gain = 0.5 * (fall - charge(base, fitted) - in_contact * fitted.count) / heat
+    in_contact = contact_penalty(base, fitted)
+    gain = 0.5 * (fall - complexity_penalty(base, fitted) - in_contact * fitted.count) / heat
     likely = gain > DECIDING_LOG_ODDS + cost_of_choice(fitted)
     return bool(likely and explained > least_explained(base, base.misfit, base.count, in_contact))
 
 
-def idle_steps(steps: Sequence[FittedModel]) -> list[int]:
+def redundant_steps(steps: Sequence[FittedModel]) -> list[int]:
     """Numbers of the steps of a path that the one before does not justify; 0 is the model as given."""
     return [k for k in range(1, len(steps)) if not justified(steps[k - 1], steps[k])]
 
@@ -73,7 +73,7 @@ def least_explained(base: FittedModel, misfit: float, count: float, in_contact: 
     """What an effect beyond ``base`` must explain of a misfit of ``count`` values.
 
     Args:
-        in_contact: see :func:`contact_charge`.
+        in_contact: see :func:`contact_penalty`.
     """
     beyond = bool(base.choices)
     least = (LEAST_FALL_BEYOND if beyond else LEAST_FALL) + in_contact
@@ -99,28 +99,28 @@ def cost_of_choice(fitted: FittedModel) -> float:
     return COST_OF_A_GAIN * beyond + math.log(max(points / USUAL_POINTS, 1.0))
 
 
-def charge(base: FittedModel, fitted: FittedModel) -> float:
+def complexity_penalty(base: FittedModel, fitted: FittedModel) -> float:
     """What is added to a model's misfit for the unknowns that its last effect brings."""
     fall = max(max(base.misfit, 0.0) - fitted.misfit, 0.0)
     earned = EARNED_SHARE * freedom(fitted) * min(fall, EARNED_MOST * base.count)
     return earned + max(fitted.widening - base.widening, 0.0)
 
 
-def contact_charge(base: FittedModel, fitted: FittedModel) -> float:
+def contact_penalty(base: FittedModel, fitted: FittedModel) -> float:
     """By how much more the squared score must fall for an effect that explains runs in contact alone.
 
     Not for one that is there in contact only, and neither moves the tip nor acts along the load cell's face:
     how a tip rubs and settles is a force along the face, and cannot pass for another span of the load cell.
     """
-    if along_the_axis(fitted):
+    if acts_along_load_axis(fitted):
         return 0.0
     if fitted.last_effect.phases == ("contact",):
-        return CONTACT_CHARGE
+        return CONTACT_PENALTY
     fall, there = base.misfit - fitted.misfit, base.misfit_in_contact - fitted.misfit_in_contact
-    return CONTACT_CHARGE if fall > 0 and there > CONTACT_SHARE * fall else 0.0
+    return CONTACT_PENALTY if fall > 0 and there > CONTACT_SHARE * fall else 0.0
 
 
-def along_the_axis(fitted: FittedModel) -> bool:
+def acts_along_load_axis(fitted: FittedModel) -> bool:
     """Whether the last effect is one of contact alone with no say in where the tip stands or how it rubs."""
     effect = fitted.last_effect
     if effect.phases != ("contact",) or effect.relaxes:
@@ -128,7 +128,7 @@ def along_the_axis(fitted: FittedModel) -> bool:
     return not any(f.owner == effect.id and f.row == Row.TIP for f in fitted.model.layout.features)
 
 
-def much_left(fitted: FittedModel, much: float = MUCH) -> bool:
+def lacks_fit(fitted: FittedModel, much: float = MUCH) -> bool:
     """Whether a model leaves so much that something is missing for certain."""
     return fitted.misfit > much * fitted.count
 
@@ -141,11 +141,13 @@ def log_odds_among(base: FittedModel, candidates: Sequence[FittedModel]) -> Arra
     """
     if not candidates:
         return np.zeros(0)
-    left = np.array([max(t.misfit + charge(base, t), 0.0) / max(t.count, 1.0) for t in candidates])
-    log = by_what_is_left(left)
+    left = np.array(
+        [max(t.misfit + complexity_penalty(base, t), 0.0) / max(t.count, 1.0) for t in candidates]
+    )
+    log = log_odds_of_misfits(left)
     log -= COST_OF_A_GAIN * np.array([freedom(t) for t in candidates])
     log -= 0.5 * np.array([t.prior_penalty for t in candidates])
-    log -= np.array([small_excess(t) for t in candidates])
+    log -= np.array([penalty_of_small_excess(t) for t in candidates])
     log[idle(base, candidates)] -= 2.0 * DECIDING_LOG_ODDS
     log += paired_log_odds(candidates)
     return np.asarray(log - log.max())
@@ -153,11 +155,11 @@ def log_odds_among(base: FittedModel, candidates: Sequence[FittedModel]) -> Arra
 
 def idle(base: FittedModel, candidates: Sequence[FittedModel]) -> BoolArray:
     """Which effects explain so little that they would not be missing if they were alone, (candidates,)."""
-    falls = np.array([base.misfit - t.misfit - charge(base, t) for t in candidates])
+    falls = np.array([base.misfit - t.misfit - complexity_penalty(base, t) for t in candidates])
     return falls < least_fall(base)
 
 
-def by_what_is_left(left: Array) -> Array:
+def log_odds_of_misfits(left: Array) -> Array:
     """Log odds of models by the misfit that they leave of each value, (models,), up to a constant."""
     return np.asarray(-0.5 * SYSTEMATIC_VALUES * np.log(_law_error(left) + left - left.min()))
 
@@ -166,15 +168,15 @@ def _law_error(left: Array) -> float:
     return LEAST_DIFFERENCE + max(float(left.min()) - USUAL_LEFT, 0.0)
 
 
-def left_for(log_odds: float, least: float) -> float:
+def misfit_of_log_odds(log_odds: float, least: float) -> float:
     """What a model leaves of each value that has these log odds, not above 0, against one that leaves least.
 
-    The inverse of :func:`by_what_is_left`.
+    The inverse of :func:`log_odds_of_misfits`.
     """
     return least + _law_error(np.array([least])) * float(np.expm1(-2.0 * log_odds / SYSTEMATIC_VALUES))
 
 
-def small_excess(fitted: FittedModel, zero_spread: float | None = None) -> float:
+def penalty_of_small_excess(fitted: FittedModel, zero_spread: float | None = None) -> float:
     """Log odds against a last effect whose excess is so small that the simpler effect would be named.
 
     ``zero_spread``: as it would be if a constant were there to none but this spread (N m).

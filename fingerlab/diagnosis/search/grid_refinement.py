@@ -24,7 +24,7 @@ from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.score.evidence import Evidence, alike, shares_of
 from fingerlab.diagnosis.score.fitted_model import FittedModel, at_found_shapes
 from fingerlab.diagnosis.score.scorer import Scorer
-from fingerlab.diagnosis.score.selection import idle_steps, justified, least_fall, log_odds_among
+from fingerlab.diagnosis.score.selection import justified, least_fall, log_odds_among, redundant_steps
 from fingerlab.diagnosis.search.next_effect import climb_grid, judge_all, off_its_bounds
 from fingerlab.diagnosis.search.path import forward_selection, worth_adding
 from fingerlab.diagnosis.settings import (
@@ -99,14 +99,14 @@ def refine_grid(
     Raises:
         Cancelled: the user asked for it.
     """
-    choices = _following(found)
+    choices = _with_dependent_shapes(found)
     for _ in range(ROUNDS):
         finer = [_finer(c) for c in choices]
         places = [_place(e.shapes, c.effect.shapes[c.shape]) for e, c in zip(finer, choices, strict=True)]
         scorer = Scorer(reduction.refined(finer, watch))
         of_shapes = fitted = reduction.remember(finer, places, partial(_best_of_finer, scorer, finer, places))
         for _ in range(FOLLOWING_ROUNDS):
-            choices = _following(fitted)
+            choices = _with_dependent_shapes(fitted)
             each = zip(choices, fitted.choices, strict=True)
             if not any(_has_moved(now, then, fitted) for now, then in each):
                 break
@@ -188,15 +188,15 @@ def refine_path(
         by_id = {c.effect.id: c for c in last.choices}
         kept = [[by_id[name] for name in step.effect_ids if name in by_id] for step in chosen]
         steps = [scorer.score_held_out(scorer.fit(choices, last, FULL_ITERATIONS)) for choices in kept]
-        idle = idle_steps(steps)
-        if not idle and len(steps) > 2 and _mends_a_shape(scorer, steps):
+        idle = redundant_steps(steps)
+        if not idle and len(steps) > 2 and _stands_in_for_shapes(scorer, steps):
             idle = [len(steps) - 1]
         if not idle or idle[0] == 1:
             return scorer, steps
         chosen = chosen[: idle[0]]
 
 
-def _mends_a_shape(scorer: Scorer, steps: Sequence[FittedModel]) -> bool:
+def _stands_in_for_shapes(scorer: Scorer, steps: Sequence[FittedModel]) -> bool:
     """Whether the last effect does no more than other shapes of the earlier ones would."""
     shorter = steps[-2]
     for k in range(len(shorter.choices)):
@@ -312,7 +312,7 @@ def break_ties(
     Raises:
         Cancelled: the user asked for it.
     """
-    tied = worth_untying(evidence, least)
+    tied = ties_to_refine(evidence, least)
     if not tied:
         return evidence
     refined: list[tuple[Scorer, FittedModel]] = []
@@ -329,10 +329,10 @@ def break_ties(
     scored = [
         by.score_held_out(by.fit(fitted.choices, fitted, FULL_ITERATIONS, under)) for by, fitted in refined
     ]
-    return untied(evidence, tied, scored)
+    return with_refined_odds(evidence, tied, scored)
 
 
-def worth_untying(evidence: Evidence, least: float = -SET_LOG_ODDS) -> list[int]:
+def ties_to_refine(evidence: Evidence, least: float = -SET_LOG_ODDS) -> list[int]:
     """Indices of the likeliest candidates that are alike; none where refined shapes cannot tell them apart.
 
     So where one is alone, where the best leaves no more than every model does, or where no shape of any is
@@ -343,7 +343,7 @@ def worth_untying(evidence: Evidence, least: float = -SET_LOG_ODDS) -> list[int]
     return [] if alone or not any(can_refine(evidence.candidates[i].choices) for i in tied) else tied
 
 
-def untied(evidence: Evidence, tied: Sequence[int], refined: Sequence[FittedModel]) -> Evidence:
+def with_refined_odds(evidence: Evidence, tied: Sequence[int], refined: Sequence[FittedModel]) -> Evidence:
     """The evidence with the odds of the ``tied`` candidates by what they leave at their refined shapes."""
     log_odds = evidence.log_odds.copy()
     log_odds[tied] = log_odds_among(evidence.base, refined)
@@ -361,16 +361,16 @@ def can_refine(choices: Sequence[Choice]) -> bool:
     return any(len(_finer(c).shapes) > 1 for c in choices)
 
 
-def _following(fitted: FittedModel) -> list[Choice]:
+def _with_dependent_shapes(fitted: FittedModel) -> list[Choice]:
     """A model's choices with what their shapes take from its unknowns and from each other's shapes."""
     values = dict(fitted.values)
     for c in fitted.choices:
         shape = c.effect.shapes[c.shape] if len(c.effect.shapes) else {}
         values |= {of_shape(c.effect.id, name): number for name, number in shape.items()}
-    return [_taking(c, values) for c in fitted.choices]
+    return [_with_dependent_shape(c, values) for c in fitted.choices]
 
 
-def _taking(choice: Choice, values: Mapping[str, float]) -> Choice:
+def _with_dependent_shape(choice: Choice, values: Mapping[str, float]) -> Choice:
     effect = choice.effect
     taken = {name: sum(values.get(k, 0.0) for k in keys) for name, keys in effect.follows.items()}
     if not taken:

@@ -20,11 +20,11 @@ from fingerlab.diagnosis.equations.model import Choice
 from fingerlab.diagnosis.fit.bounded_step import bounded_step
 from fingerlab.diagnosis.fit.data import Data, Weights
 from fingerlab.diagnosis.fit.solver import Fitter
-from fingerlab.diagnosis.gram.sums import EquationWeights, taken_up
+from fingerlab.diagnosis.gram.sums import EquationWeights, schur_complement
 from fingerlab.diagnosis.score.evidence import Evidence, judge
 from fingerlab.diagnosis.score.fitted_model import FittedModel, at_assumed_bounds, at_bounds
 from fingerlab.diagnosis.score.scorer import Scorer
-from fingerlab.diagnosis.score.selection import justified, log_odds_among, much_left
+from fingerlab.diagnosis.score.selection import justified, lacks_fit, log_odds_among
 from fingerlab.diagnosis.settings import (
     FRONT,
     FULL_ITERATIONS,
@@ -76,7 +76,7 @@ class ScoreTest:
             own = data.by_constants(i, None, fitter.equation_weights(i), (model.pick, every))
             if own is not None:
                 grip, (mine, theirs) = own
-                of_all = taken_up(mine, grip, theirs)
+                of_all = schur_complement(mine, grip, theirs)
                 pull, cross = pull - h @ of_all, cross - jacobian[:, self.free].T @ of_all
             unit = model.unit_coefficients(values, group)
             taken = None if own is None else (own[0], own[1][1])
@@ -105,7 +105,7 @@ class ScoreTest:
             columns = pick * unit[places][:, None]
             among = raw.among(theirs, weights)
             if own is not None:
-                among -= taken_up(own[1][:, places], own[0], own[1][:, places])
+                among -= schur_complement(own[1][:, places], own[0], own[1][:, places])
             curvature += columns.T @ among @ columns
             slope += pull[places] @ columns
             shared += cross[:, places] @ columns
@@ -232,7 +232,7 @@ def judge_all(
     """
     candidates = screen(scorer, base, effects, watch, least)
     leaders: set[str] = set()
-    misshapen = much_left(base)  # what the base's effects look like may come from what is still missing
+    misshapen = lacks_fit(base)  # what the base's effects look like may come from what is still missing
     for _ in range(3):
         front = sorted((_at_its_best(scorer, c, misshapen) for c in candidates[:HELD_OUT_TRIALS]), key=_cost)
         candidates = front + candidates[HELD_OUT_TRIALS:]

@@ -12,7 +12,13 @@ from fingerlab.diagnosis.fit.data import Weights
 from fingerlab.diagnosis.score.evidence import Evidence, alike
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.score.scorer import Scorer
-from fingerlab.diagnosis.score.selection import idle_steps, justified, least_fall, log_odds_among, much_left
+from fingerlab.diagnosis.score.selection import (
+    justified,
+    lacks_fit,
+    least_fall,
+    log_odds_among,
+    redundant_steps,
+)
 from fingerlab.diagnosis.search.next_effect import ScoreTest, climb_grid, judge_all, readjust_shapes
 from fingerlab.diagnosis.settings import (
     FRONT,
@@ -43,7 +49,7 @@ def forward_selection(
         first: every effect judged beside the model as given, which holds ``keep`` of them.
     """
     found = _forward(scorer, first, effects, keep, watch, most)
-    if most > 1 and len(found) > 1 and much_left(found[-1]):
+    if most > 1 and len(found) > 1 and lacks_fit(found[-1]):
         ends = [(scorer.deviance(found[-1]), found)]
         for begin in _runners_up(first, found[1]):
             settled = scorer.score_held_out(scorer.fit_reweighted(begin.choices, begin))
@@ -86,8 +92,8 @@ def _forward(
         best = begin if begin is not None and len(steps) == 1 else evidence.best
         if not justified(evidence.base, best):
             break
-        borne_out = worth_adding(scorer, steps[sound - 1], best)
-        if not (borne_out or much_left(best)):
+        helps = worth_adding(scorer, steps[sound - 1], best)
+        if not (helps or lacks_fit(best)):
             break
         chosen = eliminate_backward(scorer, best, keep)
         if len(chosen.choices) > 1:
@@ -96,7 +102,7 @@ def _forward(
         steps.append(chosen)
         weights.append(present)
         rivals[best.last_effect.id] = _rivals(evidence)
-        sound = len(steps) if borne_out else sound
+        sound = len(steps) if helps else sound
         if len(steps) > most:
             break
         watch.tell(0.5, f"looking beyond {best.last_effect.title.lower()}")
@@ -110,7 +116,7 @@ def _forward(
     else:
         steps, weights = [steps[k] for k in kept], [weights[k] for k in kept]
     if len(steps) > 2:
-        every = effects if much_left(steps[-1]) else ()
+        every = effects if lacks_fit(steps[-1]) else ()
         exchanged = _exchanged(scorer, steps[-1], present, keep, rivals, every)
         if exchanged is not None:
             steps, weights = exchanged, [step.weights for step in exchanged]
@@ -211,12 +217,12 @@ def _justified_steps(scorer: Scorer, steps: list[FittedModel], weights: list[Wei
     while True:
         under = weights[len(steps) - 1]
         scored = [scorer.score_held_out(scorer.fit(s.choices, s, FULL_ITERATIONS, under)) for s in steps]
-        idle = idle_steps(scored)
+        idle = redundant_steps(scored)
         if not idle:
             return scored
         if idle[0] < len(steps) - 1:
             other = _reordered(scorer, scored)
-            if not idle_steps(other):
+            if not redundant_steps(other):
                 return other
         steps = steps[: idle[0]]
 

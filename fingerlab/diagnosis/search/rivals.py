@@ -19,7 +19,7 @@ from fingerlab.diagnosis.fit.data import Weights
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.score.scorer import Scorer
-from fingerlab.diagnosis.score.selection import justified, left_for, log_odds_among
+from fingerlab.diagnosis.score.selection import justified, log_odds_among, misfit_of_log_odds
 from fingerlab.diagnosis.search.grid_refinement import can_refine, extend_path, refine_last
 from fingerlab.diagnosis.search.next_effect import climb_grid, screen
 from fingerlab.diagnosis.settings import (
@@ -205,7 +205,7 @@ def _exchanged(
     catalogue = [e for e in scorer.reduced.layout.effects if e.id not in own.effect_ids]
     gained = without.fit.cost - own.fit.cost
     least = max(own.misfit, 0.0) / max(own.count, 1.0)
-    reach = own.fit.cost + own.count * (left_for(-2.0 * SET_LOG_ODDS, least) - least)
+    reach = own.fit.cost + own.count * (misfit_of_log_odds(-2.0 * SET_LOG_ODDS, least) - least)
     beyond = max(reach, own.fit.cost + GRID_SHARE * gained)
     tried = screen(scorer, without, catalogue, watch, RIVAL_SHARE * gained, shapes)[:HELD_OUT_TRIALS]
     near = [climb_grid(scorer, one) for one in tried if one.fit.cost < own.fit.cost + RIVAL_SHARE * gained]

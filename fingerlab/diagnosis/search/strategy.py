@@ -10,22 +10,22 @@ from fingerlab.diagnosis.fit.data import Weights
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.score.evidence import (
     Evidence,
-    begun_by,
-    beside_others,
-    borne_out,
-    distrusted,
-    doubted,
+    at_least_as_unknown,
+    averaged_over_weights,
     exchanged,
+    given_the_others,
     judge,
-    stranger,
-    under_both,
+    judged_with_path,
+    with_best_unconfirmed,
+    with_first_step,
+    with_lack_of_fit,
     with_rivals,
     with_undetected,
 )
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.score.floors import scored_in_floors, weights_at_floor
 from fingerlab.diagnosis.score.scorer import Scorer
-from fingerlab.diagnosis.score.selection import justified, much_left
+from fingerlab.diagnosis.score.selection import justified, lacks_fit
 from fingerlab.diagnosis.search.grid_refinement import (
     break_ties,
     can_refine,
@@ -155,21 +155,21 @@ def search_effects(question: Question, scorer: Scorer) -> Found:
     effects = scorer.reduced.layout.effects
     base = fit_effects(scorer, question.given)
     evidence = judge_all(scorer, base, effects, question.stages.part(0.4, 0.7))
-    untied, first = _first_step(question, scorer, evidence)
-    untied, path = _path(question, scorer, untied, first)
+    resolved, first = _first_step(question, scorer, evidence)
+    resolved, path = _path(question, scorer, resolved, first)
     many = _many(question, scorer, evidence, path, first)
     refined: Scorer | None
     if many is not None:
         refined, path = many
         weights = path[-1].weights
     else:
-        evidence, weights = _judged_beside(scorer, untied, path, effects)
+        evidence, weights = _judged_given_path(scorer, resolved, path, effects)
         refined, path = _refined(question, path, first.refined)
-        evidence, by, path = _restarted(question, evidence, untied, first, refined or scorer, path)
+        evidence, by, path = _restarted(question, evidence, resolved, first, refined or scorer, path)
         if by is not scorer:
             refined, weights = by, path[-1].weights
         if len(path) == 1 and evidence.verdict == "missing_effect":
-            evidence = distrusted(evidence)
+            evidence = with_best_unconfirmed(evidence)
     if refined is not None and len(path) > 2:
         watch, laws = question.stages.part(0.97, 0.98), path[-1].effect_ids
         refined, path = with_plainer_end(question.reduction, question.catalogue, refined, path, watch)
@@ -179,11 +179,11 @@ def search_effects(question: Question, scorer: Scorer) -> Found:
     if refined is not None or len(path) > 2 or scorer.reduced.pairs:
         # Every score of an answer is told in the floors of the same, last model.
         evidence = rescore(scorer, evidence, weights)
-        evidence = under_both(evidence, path[1].last_effect.id) if len(path) == 2 else evidence
+        evidence = averaged_over_weights(evidence, path[1].last_effect.id) if len(path) == 2 else evidence
         path = [evidence.base, *path[1:]]
     if many is not None:
-        evidence = begun_by(evidence, path)
-    evidence = borne_out(evidence, path[-1])
+        evidence = with_first_step(evidence, path)
+    evidence = judged_with_path(evidence, path[-1])
     rivals: list[Rival] = []
     if question.alone is not None:
         path = [evidence.base, *path[1:]]
@@ -200,7 +200,7 @@ def search_effects(question: Question, scorer: Scorer) -> Found:
 
 def _with_what_could_hide(found: Found) -> Found:
     """What was found, with a share for every effect that these data could not have shown."""
-    scorer, evidence = found.scorer, doubted(found.evidence, found.path[-1])
+    scorer, evidence = found.scorer, with_lack_of_fit(found.evidence, found.path[-1])
     candidates = (_with_no_turn(scorer, evidence.base, one) for one in evidence.candidates)
     evidence = replace(
         evidence,
@@ -225,8 +225,10 @@ def _in_floors(question: Question, found: Found) -> Found:
         its, exchanged = scored_in_floors(rival.scorer, rival.steps, weights)
         rivals.append(replace(rival, scorer=its, steps=tuple(exchanged)))
     path, refined = [evidence.base, *steps], None if found.refined is None else by
-    if much_left(path[-1]):
-        evidence = stranger(evidence, borne_out(judge(evidence.base, evidence.candidates), path[-1]))
+    if lacks_fit(path[-1]):
+        evidence = at_least_as_unknown(
+            evidence, judged_with_path(judge(evidence.base, evidence.candidates), path[-1])
+        )
     return Found(scorer, evidence, path, refined, rivals, found.many)
 
 
@@ -240,7 +242,7 @@ def _rivals(
     """The rivals of the model as given and its path; a better one with what is missing beside it."""
     watch = question.stages.part(0.97, 0.99)
     rivals = find_rivals(question.reduction, given, path, path_scorer, beside, watch)
-    if not (rivals and rivals[0].better and asks_for_more(rivals[0].fitted)):
+    if not (rivals and rivals[0].better and worth_a_further_effect(rivals[0].fitted)):
         return rivals
     first = extended(question.reduction, question.catalogue, rivals[0], path[0].weights, watch)
     return [first, *rivals[1:]]
@@ -259,13 +261,13 @@ def _first_step(question: Question, scorer: Scorer, evidence: Evidence) -> tuple
     if len(path) != 2:
         return evidence, FirstStep(path, None)
     first = _refined_first(question, path)
-    if not asks_for_more(first.end):
+    if not worth_a_further_effect(first.end):
         return evidence, first
     watch = question.stages.part(0.75, 0.77)
-    untied = break_ties(question.reduction, scorer, evidence, path[-1].weights, watch, GRID_LOG_ODDS)
-    if untied.best is evidence.best:
-        return untied, first
-    return untied, _refined_first(question, [untied.base, untied.best])
+    resolved = break_ties(question.reduction, scorer, evidence, path[-1].weights, watch, GRID_LOG_ODDS)
+    if resolved.best is evidence.best:
+        return resolved, first
+    return resolved, _refined_first(question, [resolved.base, resolved.best])
 
 
 def _refined_first(question: Question, path: list[FittedModel]) -> FirstStep:
@@ -284,7 +286,7 @@ def _many(
     first: FirstStep,
 ) -> tuple[Scorer, list[FittedModel]] | None:
     """The path of many effects where no usual one leaves a bench near its model; None: there is none."""
-    far = evidence.least_left >= FAR and much_left(first.end, FAR) and much_left(path[-1], FAR)
+    far = evidence.least_left >= FAR and lacks_fit(first.end, FAR) and lacks_fit(path[-1], FAR)
     if scorer.reduced.on_bench or not far:
         return None
     watch = question.stages.part(0.9, 0.95)
@@ -299,24 +301,24 @@ def _path(
     They are where the path ends at once: among rivals it may have taken the wrong one.
     """
     path = first.path
-    if first.refined is None or asks_for_more(first.end):
+    if first.refined is None or worth_a_further_effect(first.end):
         effects, watch = scorer.reduced.layout.effects, question.stages.part(0.75, 0.88)
         path = forward_selection(scorer, evidence, effects, len(question.given), watch)
     if evidence.verdict != "missing_effect" or len(path) != 2:
         return evidence, path
     watch = question.stages.part(0.88, 0.9)
-    untied = break_ties(question.reduction, scorer, evidence, path[-1].weights, watch)
-    if untied.best is evidence.best:
-        return untied, path
-    return untied, [untied.base, untied.best]
+    resolved = break_ties(question.reduction, scorer, evidence, path[-1].weights, watch)
+    if resolved.best is evidence.best:
+        return resolved, path
+    return resolved, [resolved.base, resolved.best]
 
 
-def asks_for_more(refined: FittedModel) -> bool:
+def worth_a_further_effect(refined: FittedModel) -> bool:
     """Whether one effect with refined shapes leaves enough for a further one to be worth a step."""
-    return much_left(refined, LEAST_FALL_BEYOND)
+    return lacks_fit(refined, LEAST_FALL_BEYOND)
 
 
-def _judged_beside(
+def _judged_given_path(
     scorer: Scorer, evidence: Evidence, path: Sequence[FittedModel], effects: Sequence[Effect]
 ) -> tuple[Evidence, Weights]:
     """The evidence; where its best effect stood for two others, by what effects do beside the later ones.
@@ -330,7 +332,7 @@ def _judged_beside(
     others = [*last.choices[:keep], *last.choices[keep + 1 :]]
     base = scorer.score_held_out(scorer.fit(others, last, FULL_ITERATIONS))
     beside = judge_all(scorer, base, effects, SILENT)
-    return beside_others(evidence, beside), beside.base.weights
+    return given_the_others(evidence, beside), beside.base.weights
 
 
 def _refined(
@@ -347,7 +349,7 @@ def _refined(
         scorer, path = first.scorer, first.path
     else:
         scorer, path = refine_path(reduction, path, stages.part(0.9, 0.93))
-    while much_left(path[-1]) and len(path) <= LONGEST_PATH:
+    while lacks_fit(path[-1]) and len(path) <= LONGEST_PATH:
         longer = extend_path(reduction, question.catalogue, path, stages.part(0.93, 0.97))
         if longer is None or len(longer[1]) <= len(path):  # found, but not borne out when refined
             break
@@ -411,7 +413,7 @@ def worth_restarting(path: Sequence[FittedModel], best: FittedModel, first: Firs
     end, name = path[-1], best.last_effect.id
     known = {*end.effect_ids, *(() if first.refined is None else first.refined.of.effect_ids)}
     other = len(path) > 2 or name not in end.effect_ids
-    return other and name in known and much_left(end, NEARLY_RIGHT)
+    return other and name in known and lacks_fit(end, NEARLY_RIGHT)
 
 
 def _with_no_turn(scorer: Scorer, base: FittedModel, fitted: FittedModel) -> FittedModel:

@@ -1,4 +1,4 @@
-"""What every run has of its own: how its friction differs from the others', how its tip was set down.
+"""Random effects of runs: how their friction differs, how their tip was set down.
 
 It is integrated out of a fit as a Gaussian, for it tells nothing of the other runs, but goes no further than
 runs differ by: a friction that does follows something that the model lacks. Beyond its bound a run's part
@@ -20,7 +20,7 @@ from fingerlab.sessions.model import Array
 
 
 @dataclass(frozen=True)
-class Beyond:
+class BoundTerms:
     """What the bounds of some runs' parts add to what these leave, as half a slope and half a curvature.
 
     Attributes:
@@ -46,15 +46,15 @@ class Beyond:
 
 
 @dataclass(frozen=True)
-class Own:
-    """What runs of a group have of their own that differ in the same way.
+class RandomEffects:
+    """Random effects of the runs of a group that differ in the same way.
 
     Attributes:
         parts: what one standard deviation of each adds to the features, (k, parts).
         folds: numbers of the folds that hold these runs, in order.
         curved, pulled: products of the features with these parts over every fold, (folds, k, parts), with
             noise and without.
-        firmness: with which each part is held near zero: 1 at face value.
+        precision: with which each part is held near zero: 1 at face value.
         bound: standard deviations, at face value, that a part is off zero at most.
     """
 
@@ -62,18 +62,18 @@ class Own:
     folds: IntArray
     curved: Array
     pulled: Array
-    firmness: float
+    precision: float
     bound: float
 
     @cached_property
-    def bowl(self) -> Array:
+    def system(self) -> Array:
         """Curvature along the parts of a run's misfit and of what holds them, (folds, parts, parts)."""
-        return np.asarray(self.parts.T @ self.curved + self.firmness * np.eye(self.parts.shape[1]))
+        return np.asarray(self.parts.T @ self.curved + self.precision * np.eye(self.parts.shape[1]))
 
     @cached_property
     def inverse(self) -> Array:
         """... inverted."""
-        return np.asarray(np.linalg.inv(self.bowl))
+        return np.asarray(np.linalg.inv(self.system))
 
     @cached_property
     def _wanted(self) -> Array:
@@ -82,7 +82,7 @@ class Own:
         return np.asarray(self.inverse @ self.pulled.transpose(0, 2, 1)).reshape(-1, size)
 
     @cached_property
-    def taken_up(self) -> Weighted:
+    def schur_complement(self) -> Weighted:
         """What they take up of curvature and matrix of every fold without bounds, (folds, k, k)."""
         curved, pulled = self.curved, self.pulled
         return Weighted(
@@ -91,7 +91,7 @@ class Own:
         )
 
     @cached_property
-    def taken_up_together(self) -> Weighted:
+    def schur_complement_of_all(self) -> Weighted:
         """The same of all folds, (k, k)."""
         return Weighted(self._together(self.curved), self._together(self.pulled))
 
@@ -104,27 +104,27 @@ class Own:
         """What of the misfit of all its runs they take up at these coefficients of the features, (k,)."""
         wanted = self._wanted @ told
         taken = float(np.sum(wanted * (told @ self.pulled).reshape(-1)))
-        return taken - self.misfit_beyond(told)
+        return taken - self.misfit_at_bounds(told)
 
-    def misfit_beyond(self, told: Array) -> float:
+    def misfit_at_bounds(self, told: Array) -> float:
         """What the bounds add to what all runs leave."""
         found = self._stand(told)
         if found is None:
             return 0.0
         far, short, _ = found
-        return float(np.sum(short * _times(self.bowl[far], short)))
+        return float(np.sum(short * _times(self.system[far], short)))
 
-    def beyond(self, told: Array) -> Beyond | None:
+    def beyond(self, told: Array) -> BoundTerms | None:
         """The same as slope and curvature; None where no part would go further than its bound."""
         found = self._stand(told)
         if found is None:
             return None
         far, short, free = found
         both = free[:, :, None] & free[:, None, :]
-        moving = np.where(both, np.linalg.inv(np.where(both, self.bowl[far], np.eye(short.shape[1]))), 0.0)
+        moving = np.where(both, np.linalg.inv(np.where(both, self.system[far], np.eye(short.shape[1]))), 0.0)
         curved, pulled = self.curved[far], self.pulled[far]
         slope = (pulled @ short[:, :, None])[:, :, 0]
-        return Beyond(self.folds[far], slope, curved, pulled, self.inverse[far] - moving)
+        return BoundTerms(self.folds[far], slope, curved, pulled, self.inverse[far] - moving)
 
     def _stand(self, told: Array) -> tuple[IntArray, Array, BoolArray] | None:
         """Of the runs with a part at its bound, their places, (n,); how far each part falls short of what it
@@ -133,7 +133,7 @@ class Own:
         far = np.flatnonzero(np.abs(wanted).max(axis=1) > self.bound)
         if not len(far):
             return None
-        stands, free = _within(self.bowl[far], wanted[far], self.bound)
+        stands, free = _within(self.system[far], wanted[far], self.bound)
         return far, wanted[far] - stands, free
 
 
@@ -141,7 +141,7 @@ def _within(bowls: Array, lowest: Array, bound: float) -> tuple[Array, BoolArray
     """Where each of some bowls is lowest within the same bounds, and which parts are at none, (n, parts).
 
     All bounds that are wrong are exchanged at once (block principal pivoting, as in ``bounded_step``), in
-    every bowl; one that does not settle so is taken by itself.
+    every system; one that does not settle so is taken by itself.
 
     Args:
         bowls: curvatures, (n, parts, parts). lowest: where each is lowest without bounds, (n, parts).
