@@ -285,8 +285,9 @@ def with_lack_of_fit(evidence: Evidence, last: FittedModel) -> Evidence:
     Where a model leaves much, "nothing missing" cannot be said; nor can an effect be said to be what is
     missing where it and all that follow explain too little of it.
     """
-    told_as_lacking = evidence.base.score**2 - 1.0 > MUCH  # the score counts every sample, the misfit conditions
-    if evidence.verdict == "nothing_missing" and (lacks_fit(evidence.base) or told_as_lacking):
+    # What is told is the score, which counts every sample; in the misfit long conditions count for less.
+    lacking = lacks_fit(evidence.base) or evidence.base.score**2 - 1.0 > MUCH
+    if evidence.verdict == "nothing_missing" and lacking:
         nothing = DOUBTED * evidence.nothing
         return replace(evidence, nothing=nothing, unknown=evidence.unknown + evidence.nothing - nothing)
     far = lacks_fit(last, UNEXPLAINED) and last.misfit > UNEXPLAINED_SHARE * evidence.base.misfit
