@@ -333,6 +333,9 @@ SPEED_FACTORS = (0.5, 0.7, 1.0, 1.4, 2.0)
 SHARPNESSES = (0.0, 0.5, 1.0)
 """Virgin curves of a friction that builds up (:func:`friction_states.friction_state`): many contacts, parts
 that let go evenly, one contact."""
+STEEP = 0.7
+"""Exponent with which a virgin curve begins that is steep at first: with it parts that let go evenly are
+within 1 per cent (rms) of contacts as strong as each other whose travels are spread evenly."""
 
 
 def times(name: str, factors: Sequence[float] = OCTAVE) -> Closer:
@@ -381,10 +384,10 @@ def every(*closer: Closer) -> Closer:
 
 
 def dahl_or_masing(shape: Shape) -> list[Shape]:
-    """Presliding over other travels: by Dahl's law, or by spring-sliders (Masing) of two virgin curves."""
-    masing = either("masing", (1.0,))
+    """Presliding over other travels: by Dahl's law, or by spring-sliders (Masing) of three virgin curves."""
+    masing, evenly = either("masing", (1.0,)), rubbing(FINE_OCTAVE, (0.5,))
     return [
         *times("travel_deg", HALF_OCTAVE)(shape),
-        *every(masing, rubbing(OCTAVE[1:-1], (0.0,)))(shape),
-        *every(masing, rubbing(FINE_OCTAVE, (0.5,)))(shape),
+        *every(masing, either("start", (1.0,)), rubbing(OCTAVE[1:-1], (0.0,)))(shape),
+        *every(masing, either("start", (1.0, STEEP)), evenly)(shape),
     ]

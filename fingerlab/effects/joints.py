@@ -44,9 +44,9 @@ def friction_of_joints(motion: Motion, shape: Shape) -> tuple[Array, Array]:
 def _state(motion: Motion, name: str, angle: Array, shape: Shape) -> Array:
     travel_deg, sharpness = shape["travel_deg"], shape.get("sharpness", 0.0)
     if sharpness > 0.0:
-        way = float(np.radians(travel_deg))
-        key = ("sticking", name, travel_deg, sharpness)
-        return motion.remember(key, lambda: friction_state(angle, way, sharpness))
+        way, start = float(np.radians(travel_deg)), shape.get("start", 1.0)
+        key = ("sticking", name, travel_deg, sharpness, start)
+        return motion.remember(key, lambda: friction_state(angle, way, sharpness, start=start))
     travels = with_grid(travel_deg, JOINT_TRAVELS_DEG)
     keys = [("sticking", name, travel) for travel in travels]
     return motion.remember_each(keys[0], keys, lambda: slip_states(angle, np.radians(travels)))

@@ -15,7 +15,8 @@ PRESLIDING_TRAVELS_DEG = (1.0, 2.0, 4.0, 8.0)
 
 def columns(motion: Motion, shape: Shape) -> list[Term]:
     if shape.get("masing"):
-        winding = winding_state(motion, shape["travel_deg"], shape.get("sharpness", 0.0))
+        curve = shape.get("sharpness", 0.0), shape.get("start", 1.0)
+        winding = winding_state(motion, shape["travel_deg"], *curve)
         return drive_terms(motion, "dahl", winding)
     travels = with_grid(shape["travel_deg"], PRESLIDING_TRAVELS_DEG)
     keys = [("dahl", travel) for travel in travels]

@@ -143,13 +143,15 @@ def drive_terms(motion: Motion, gain: str, torque: Array) -> list[Term]:
     return pull_terms(gain, torque / motion.radius)
 
 
-def winding_state(motion: Motion, travel_deg: float = USUAL_STICKING_DEG, sharpness: float = 0.0) -> Array:
+def winding_state(
+    motion: Motion, travel_deg: float = USUAL_STICKING_DEG, sharpness: float = 0.0, start: float = 1.0
+) -> Array:
     """Direction of cable travel with sticking, in [-1, 1], shape (n,); +1 winding in."""
     way = float(np.radians(travel_deg))
 
     if sharpness > 0.0:
-        key = ("winding", travel_deg, sharpness)
-        return motion.remember(key, lambda: friction_state(motion.position, way, sharpness))
+        key = ("winding", travel_deg, sharpness, start)
+        return motion.remember(key, lambda: friction_state(motion.position, way, sharpness, start=start))
     travels = with_grid(travel_deg, WINDING_TRAVELS_DEG)
     keys = [("winding", travel) for travel in travels]
     return motion.remember_each(keys[0], keys, lambda: slip_states(motion.position, np.radians(travels)))

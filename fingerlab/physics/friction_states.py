@@ -148,33 +148,39 @@ def slip_state(position: Array, travel: float, stops: Stops | None = None) -> Ar
 
 KNOTS = 2.0 ** (np.arange(-11, 1) / 4)
 """Ends of the straight pieces of a virgin curve that ends, of its length: one spring-slider each."""
+STEEP_KNOTS = 2.0 ** (np.arange(-9, 1) / 2)
+"""The same of a curve that begins steeply, and bends most where it begins."""
 
 
 def friction_state(
-    position: Array, travel: float, sharpness: float = 0.0, stops: Stops | None = None
+    position: Array, travel: float, sharpness: float = 0.0, stops: Stops | None = None, start: float = 1.0
 ) -> Array:
-    """Friction state in [-1, 1], shape (n,), of sliders whose virgin curve is 1 - (1 - x / (p d))^p.
+    """Friction state in [-1, 1], shape (n,), of sliders whose virgin curve is 1 - (1 - (x / d)^a / p)^p.
 
     ``sharpness`` is 1/p, d half of ``travel``, so that all of them are as stiff at first. 1: one contact,
     that holds like a spring and then slides. 2/3: a pressed ball, whose rim slips before its middle (Mindlin
     1949). 1/2: parts that let go evenly one after the other (Iwan 1966). 0: exp(-x / d), as
     :func:`slip_state`. On a reversal the curve is gone through at twice the size (Masing 1926).
+
+    ``start`` is a, of a curve that ends: below 1 it begins steeply, as that of contacts of which many let go
+    at once; of contacts as strong as each other whose travels are spread evenly it is about 0.8.
     """
     if sharpness <= 0.0:
         return slip_state(position, travel, stops)
-    shares, reaches = _sliders(0.5 * travel, sharpness)
+    shares, reaches = _sliders(0.5 * travel, sharpness, start)
     return np.asarray(shares @ (stops or stop_operators)(position, reaches))
 
 
-def _sliders(travel: float, sharpness: float) -> tuple[Array, Array]:
+def _sliders(travel: float, sharpness: float, start: float = 1.0) -> tuple[Array, Array]:
     """Share of the friction and travel of every slider of such a curve; ``sharpness`` above 0, up to 1."""
     power = 1.0 / sharpness
-    if power <= 1.0:
+    if power <= 1.0 and start == 1.0:
         return np.ones(1), np.array([travel])
-    knots = np.append(0.0, KNOTS)
-    level = 1.0 - (1.0 - knots) ** power
+    places = KNOTS if start == 1.0 else STEEP_KNOTS
+    knots = np.append(0.0, places)
+    level = 1.0 - (1.0 - knots**start) ** power
     slopes = np.append(np.diff(level) / np.diff(knots), 0.0)
-    return -np.diff(slopes) * KNOTS, power * travel * KNOTS
+    return -np.diff(slopes) * places, power ** (1.0 / start) * travel * places
 
 
 def dahl_states(position: Array, travels: Sequence[float] | Array) -> Array:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lsim
 
+from fingerlab.effects.base import STEEP
 from fingerlab.physics.friction_states import (
     dahl_states,
     first_order_lags,
@@ -88,19 +89,36 @@ def test_stop_operator_does_not_rub_within_its_travel() -> None:
     assert stop_operator(position, 0.05) == pytest.approx(position / 0.05, abs=1e-12)
 
 
-@pytest.mark.parametrize("power", [1.0, 1.5, 2.0])
-def test_friction_goes_along_its_virgin_curve_and_back_along_twice_of_it(power: float) -> None:
-    """F(x) = 1 - (1 - x / (p d))^p, and 1 - 2 F(x / 2) behind a reversal (Masing 1926)."""
+@pytest.mark.parametrize(("power", "start"), [(1.0, 1.0), (1.5, 1.0), (2.0, 1.0), (2.0, 0.7), (1.0, 0.6)])
+def test_friction_goes_along_its_virgin_curve_and_back_along_twice_of_it(power: float, start: float) -> None:
+    """F(x) = 1 - (1 - (x / d)^a / p)^p, and 1 - 2 F(x / 2) behind a reversal (Masing 1926)."""
     travel = 0.1  # twice d
 
     def curve(way: Array) -> Array:
-        return 1.0 - np.maximum(1.0 - way / (power * 0.5 * travel), 0.0) ** power
+        return 1.0 - np.maximum(1.0 - (way / (0.5 * travel)) ** start / power, 0.0) ** power
 
     position = triangle(0.25, 500, 2)
-    state = friction_state(position, travel, 1.0 / power)
+    state = friction_state(position, travel, 1.0 / power, start=start)
     rising, falling = slice(0, 500), slice(500, 1500)
-    assert state[rising] == pytest.approx(curve(position[rising]), abs=0.02)
-    assert state[falling] == pytest.approx(1.0 - 2.0 * curve(0.5 * (0.25 - position[falling])), abs=0.04)
+    near = 0.02 if start == 1.0 else 0.08  # before the first slider lets go a steep curve is a straight one
+    assert state[rising] == pytest.approx(curve(position[rising]), abs=near)
+    assert state[falling] == pytest.approx(1.0 - 2.0 * curve(0.5 * (0.25 - position[falling])), abs=2 * near)
+    off = state[rising] - curve(position[rising])
+    assert np.sqrt(np.mean(off**2)) < 0.02
+
+
+def test_equal_contacts_with_travels_spread_evenly_begin_steeply() -> None:
+    """Contacts as strong as each other that let go evenly up to L: F = y (1 - ln y) with y = x / L."""
+    way = np.linspace(0.0, 0.3, 1501)
+    y = np.clip(way / 0.2, 1e-12, 1.0)
+    exact = y * (1.0 - np.log(y))
+
+    def off(travel: float, start: float) -> float:
+        return float(np.sqrt(np.mean((friction_state(way, travel, 0.5, start=start) - exact) ** 2)))
+
+    travels = np.linspace(0.08, 0.3, 100)
+    assert min(off(travel, STEEP) for travel in travels) < 0.015
+    assert min(off(travel, 1.0) for travel in travels) > 0.03
 
 
 def test_no_sharpness_is_many_sliders() -> None:
