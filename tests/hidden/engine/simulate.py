@@ -104,7 +104,8 @@ def updates_of(bench: Bench, built: BuiltModel, wear: float) -> list[Update]:
     model, updates = built.model, []
     dry = {"mcp": bench.dry[0], "pip": bench.dry[1], "motor": bench.motor_dry}
     for place, (excess, speed) in bench.stribeck.items():
-        updates.append(_stribeck(model, built.rubs[place], dry[place] * wear, excess, speed))
+        moving = {"mcp": built.mcp, "pip": built.pip, "motor": built.motor}[place]
+        updates.append(_stribeck(model, built.rubs[place], moving, dry[place] * wear, excess, speed))
     if bench.sheath > 0:
         share = bench.sheath * wear
 
@@ -129,9 +130,13 @@ def updates_of(bench: Bench, built: BuiltModel, wear: float) -> list[Update]:
     return updates
 
 
-def _stribeck(model: mujoco.MjModel, place: int, sliding: float, excess: float, speed: float) -> Update:
+def _stribeck(
+    model: mujoco.MjModel, place: int, moving: int, sliding: float, excess: float, speed: float
+) -> Update:
+    """By the speed of what moves, as in LuGre: by its own a slider without a mass would jump back and forth."""
+
     def update(data: mujoco.MjData) -> None:
-        ratio = float(data.qvel[place]) / speed
+        ratio = float(data.qvel[moving]) / speed
         model.dof_frictionloss[place] = sliding * (1.0 + excess * math.exp(-ratio * ratio))
 
     return update
