@@ -133,7 +133,7 @@ def updates_of(bench: Bench, built: BuiltModel, wear: float) -> list[Update]:
 def _stribeck(
     model: mujoco.MjModel, place: int, moving: int, sliding: float, excess: float, speed: float
 ) -> Update:
-    """By the speed of what moves, as in LuGre: by its own a slider without a mass would jump back and forth."""
+    """By the speed of what moves, as in LuGre: by its own a slider without a mass jumps back and forth."""
 
     def update(data: mujoco.MjData) -> None:
         ratio = float(data.qvel[moving]) / speed
