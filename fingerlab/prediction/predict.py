@@ -419,7 +419,7 @@ def _by_key(trial: FittedModel) -> dict[str, float]:
 
 def _estimates(trial: FittedModel) -> dict[str, ParameterEstimate]:
     """All unknowns with 90 % intervals, as the diagnosis tells them."""
-    return every_parameter(trial, trial.heat())
+    return every_parameter(trial, trial.temperature())
 
 
 def _calibrated(variant: Variant, sessions: Sequence[Session], hashes: Mapping[Path, str]) -> Variant:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fingerlab.diagnosis.fit.data import temperature
+from fingerlab.diagnosis.fit.data import temperature_of
 from fingerlab.diagnosis.fit.solver import Fit
 from fingerlab.diagnosis.score.evidence import (
     alike,
@@ -186,5 +186,5 @@ def test_where_one_stood_for_two_the_verdict_names_what_does_best_beside_the_oth
 @pytest.mark.parametrize(("count", "runs", "alike"), [(56.0, 4, 4.0), (560.0, 4, 10.0), (5600.0, 4, 16.0)])
 def test_a_short_run_tells_as_much_as_it_has_strokes(count: float, runs: int, alike: float) -> None:
     """A misfit of one floor: of values that go together so many count as one, plus one of noise."""
-    assert temperature(count, count, runs) == pytest.approx(1.0 + alike)
-    assert temperature(count, count) == pytest.approx(17.0)
+    assert temperature_of(count, count, runs) == pytest.approx(1.0 + alike)
+    assert temperature_of(count, count) == pytest.approx(17.0)

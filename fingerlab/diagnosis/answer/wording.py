@@ -189,17 +189,17 @@ def residual_offsets(
     return {runs[n]: row for one in offsets for n, row in zip(one.numbers, one.rows, strict=True)}
 
 
-def deviations(fitted: FittedModel, heat: float) -> dict[str, float]:
+def deviations(fitted: FittedModel, temperature: float) -> dict[str, float]:
     """Standard deviation of every unknown, given what else is unknown; in the model's units."""
-    spread = fitted.fit.deviations_at(heat)
+    spread = fitted.fit.deviations_at(temperature)
     return dict(zip((u.key for u in fitted.model.unknowns), (float(s) for s in spread), strict=True))
 
 
-def parameters(fitted: FittedModel, effect: Effect, heat: float) -> dict[str, ParameterEstimate]:
+def parameters(fitted: FittedModel, effect: Effect, temperature: float) -> dict[str, ParameterEstimate]:
     """The effect's parameters with 90 % intervals; a grid parameter's interval is to its neighbours."""
     values = fitted.values
     gains = {u.key: u.parameter for u in fitted.model.unknowns}
-    spread = deviations(fitted, heat)
+    spread = deviations(fitted, temperature)
     result = {}
     for name, key in own_keys(fitted, effect).items():
         gain, value = gains[key], float(values[key])
@@ -221,9 +221,9 @@ def _told(fitted: FittedModel, unit: str, value: float, low: float, high: float)
     return ParameterEstimate(value * size, unit, low * size, high * size)
 
 
-def every_parameter(fitted: FittedModel, heat: float) -> dict[str, ParameterEstimate]:
+def every_parameter(fitted: FittedModel, temperature: float) -> dict[str, ParameterEstimate]:
     """All unknowns of the model by key, SI, with 90 % intervals that no bound cuts."""
-    spread = deviations(fitted, heat)
+    spread = deviations(fitted, temperature)
     return {
         u.key: _told(
             fitted, u.parameter.unit, float(v), float(v) - Z90 * spread[u.key], float(v) + Z90 * spread[u.key]

@@ -200,7 +200,7 @@ def _told(found: Draft, law: Law) -> DraftLaw:
 
 def _term(law: Law, term: DraftTerm) -> LawTerm:
     fitted, scales = law.fitted, law.fitted.model.layout.scales
-    spread = fitted.fit.deviations_at(fitted.heat())
+    spread = fitted.fit.deviations_at(fitted.temperature())
     coefficients, reduced = {}, {}
     for gain, unit in zip(term.gains, term.units, strict=True):
         place = fitted.model.index[f"{term.id}.{gain}"]

@@ -69,11 +69,11 @@ class RunKind:
             self._models[key] = build(self.layout, [self.group], choices, fitted.model.tip_law)
         return self._models[key].holding(fitted.model.held)
 
-    def contrast(self, truth: FittedModel, rival: FittedModel, heat: float) -> Contrast:
+    def contrast(self, truth: FittedModel, rival: FittedModel, temperature: float) -> Contrast:
         """What two models predict of such a run; each pair is asked for every run and length."""
-        key = (*_fit_key(truth), *_fit_key(rival), heat)
+        key = (*_fit_key(truth), *_fit_key(rival), temperature)
         if key not in self._contrasts:
-            self._contrasts[key] = _contrast(self, truth, rival, heat)
+            self._contrasts[key] = _contrast(self, truth, rival, temperature)
         return self._contrasts[key]
 
 
@@ -142,7 +142,7 @@ class Contrast:
     zero: tuple[int, float] | None
 
 
-def _contrast(kind: RunKind, truth: FittedModel, rival: FittedModel, heat: float) -> Contrast:
+def _contrast(kind: RunKind, truth: FittedModel, rival: FittedModel, temperature: float) -> Contrast:
     right, wrong = kind.model(truth), kind.model(rival)
     values = values_in(wrong, rival)
     told, slopes = wrong.coefficients(values, kind.group)
@@ -155,7 +155,7 @@ def _contrast(kind: RunKind, truth: FittedModel, rival: FittedModel, heat: float
     reach[np.searchsorted(every, wrong.active)] = slopes
     old, size = len(wrong.unknowns), slopes.shape[1]
     known = np.zeros((size, size))
-    known[:old, :old] = known_of(wrong, rival, heat)
+    known[:old, :old] = known_of(wrong, rival, temperature)
     known[old:, old:] = np.eye(size - old)
     zero = None
     if TORQUE_ZERO in wrong.index and TORQUE_ZERO not in rival.model.index:
@@ -177,21 +177,23 @@ class Apart:
 
 
 def separation(
-    reduced: Reduced, run: PredictedRun, truth: FittedModel, rival: FittedModel, heat: float
+    reduced: Reduced, run: PredictedRun, truth: FittedModel, rival: FittedModel, temperature: float
 ) -> float:
     """Expected gain in log evidence of ``truth`` over ``rival`` from one more run, at a temperature."""
-    found = apart(reduced, run, truth, rival, heat)
+    found = apart(reduced, run, truth, rival, temperature)
     return 0.5 * (found.left + found.zero)
 
 
-def apart(reduced: Reduced, run: PredictedRun, truth: FittedModel, rival: FittedModel, heat: float) -> Apart:
+def apart(
+    reduced: Reduced, run: PredictedRun, truth: FittedModel, rival: FittedModel, temperature: float
+) -> Apart:
     """What ``rival`` would leave of one more run if ``truth`` were true, over the temperature.
 
     Both are seen under the weights of ``truth``.
     """
-    two = run.kind.contrast(truth, rival, heat)
+    two = run.kind.contrast(truth, rival, temperature)
     gap, reach = two.gap, two.reach
-    share = EFFECTIVE_SHARE / heat
+    share = EFFECTIVE_SHARE / temperature
     products = (
         run.sums.of(two.pick)
         * feature_weights(_weights(reduced, truth.weights, run.kind.group), two.pick.rows)
@@ -242,7 +244,7 @@ def values_in(model: Model, fitted: FittedModel) -> Array:
     return np.array([known.get(u.key, start) for u, start in zip(model.unknowns, model.start(), strict=True)])
 
 
-def known_of(model: Model, fitted: FittedModel, heat: float) -> Array:
+def known_of(model: Model, fitted: FittedModel, temperature: float) -> Array:
     """What the old runs say of the rival's unknowns, (p, p); of those that they do not have, their range."""
     old = {u.key: i for i, u in enumerate(fitted.model.unknowns)}
     size = len(model.unknowns)
@@ -251,7 +253,7 @@ def known_of(model: Model, fitted: FittedModel, heat: float) -> Array:
     mine, theirs = [p[0] for p in places], [p[1] for p in places]
     # Unknowns of the old runs that the new one lacks are integrated out, not held.
     if mine:
-        covariance = fitted.fit.covariance[np.ix_(theirs, theirs)] * heat
+        covariance = fitted.fit.covariance[np.ix_(theirs, theirs)] * temperature
         result[np.ix_(mine, mine)] = scaled_inverse(covariance)
     for i, unknown in enumerate(model.unknowns):
         if unknown.key not in old:

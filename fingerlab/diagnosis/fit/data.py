@@ -344,7 +344,7 @@ def _of_each(pick: Pick, products: Sequence[Array | None]) -> Array | None:
     return found
 
 
-def temperature(misfit: float, count: float, runs: int = 0) -> float:
+def temperature_of(misfit: float, count: float, runs: int = 0) -> float:
     """How much less than its face value a misfit of ``count`` independent values weighs.
 
     What no model explains is systematic and stays the same for a while; in short runs for no longer than

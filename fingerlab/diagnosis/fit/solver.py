@@ -25,7 +25,7 @@ from fingerlab.diagnosis.fit.data import (
     Weights,
     own_to_a_run,
     tells_set_down,
-    temperature,
+    temperature_of,
 )
 from fingerlab.diagnosis.fit.random_effects import BoundTerms, RandomEffects
 from fingerlab.diagnosis.gram.sums import (
@@ -70,10 +70,10 @@ class Fit:
         """Standard deviation of every unknown, given what else is unknown, (p,)."""
         return self.deviations_at(1.0)
 
-    def deviations_at(self, heat: float) -> Array:
+    def deviations_at(self, temperature: float) -> Array:
         """The same where what the model leaves weighs so many times less, (p,); not what runs differ by."""
         by_noise = self.covariance if self.with_own is None else scaled_inverse(self.with_own)
-        return np.sqrt(np.maximum(np.diag(self.covariance + (heat - 1.0) * by_noise), 0.0))
+        return np.sqrt(np.maximum(np.diag(self.covariance + (temperature - 1.0) * by_noise), 0.0))
 
 
 @dataclass(frozen=True)
@@ -136,9 +136,11 @@ class Fitter:
         groups = self.data.groups
         left = sum(float(h @ self.part(i, None).matrix @ h) for i, h in enumerate(told))
         left -= sum(one.explained(told[i]) for i, each in own.items() for one in each)
-        heat = temperature(left, EFFECTIVE_SHARE * sum(g.equations * g.samples for g in groups))
-        bound = MOST_WANDER / np.sqrt(heat)  # of the narrower distribution, too
-        return {i: [replace(one, precision=heat, bound=bound) for one in each] for i, each in own.items()}
+        temperature = temperature_of(left, EFFECTIVE_SHARE * sum(g.equations * g.samples for g in groups))
+        bound = MOST_WANDER / np.sqrt(temperature)  # of the narrower distribution, too
+        return {
+            i: [replace(one, precision=temperature, bound=bound) for one in each] for i, each in own.items()
+        }
 
     def _seen(self, i: int) -> Weighted:
         """Weighted products over every fold as they count in those of the group, (folds, k, k)."""

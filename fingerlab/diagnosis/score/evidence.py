@@ -118,20 +118,20 @@ def judge(base: FittedModel, candidates: Sequence[FittedModel]) -> Evidence:
     """
     zero, count = max(base.misfit, 0.0), base.count
     charged = np.array([t.misfit + complexity_penalty(base, t) for t in candidates])
-    heat = base.heat(min((t.misfit for t in candidates), default=zero))
+    temperature = base.temperature(min((t.misfit for t in candidates), default=zero))
     in_contact = contact_penalty(base, candidates[int(np.argmin(charged))]) if len(candidates) else 0.0
     tolerated = zero - least_explained(base, zero, count, in_contact)
-    effects = -0.5 * charged / heat + np.log(PRIOR_EFFECTS / max(len(candidates), 1))
-    nothing = -0.5 * tolerated / heat + np.log(PRIOR_NOTHING)
+    effects = -0.5 * charged / temperature + np.log(PRIOR_EFFECTS / max(len(candidates), 1))
+    nothing = -0.5 * tolerated / temperature + np.log(PRIOR_NOTHING)
     least_unknown = UNKNOWN_LEAST_BEYOND if base.choices else UNKNOWN_LEAST
-    unexplained = (1.0 - UNKNOWN_SHARE) * zero + least_unknown * count + 2 * DECIDING_LOG_ODDS * heat
-    unknown = -0.5 * unexplained / heat + np.log(PRIOR_UNKNOWN)
+    unexplained = (1.0 - UNKNOWN_SHARE) * zero + least_unknown * count + 2 * DECIDING_LOG_ODDS * temperature
+    unknown = -0.5 * unexplained / temperature + np.log(PRIOR_UNKNOWN)
     logs = np.array([np.logaddexp.reduce(effects), nothing, unknown])
     log_odds = log_odds_among(base, candidates)
     least_left = max(float(min(charged, default=zero)), 0.0) / max(count, 1.0)
     found, none, other = _shared(logs)
     shares = found * shares_of(log_odds)
-    return Evidence(base, tuple(candidates), shares, log_odds, none, other, heat, logs, least_left)
+    return Evidence(base, tuple(candidates), shares, log_odds, none, other, temperature, logs, least_left)
 
 
 def _shared(logs: Array) -> tuple[float, float, float]:
@@ -229,13 +229,13 @@ def with_first_step(evidence: Evidence, path: Sequence[FittedModel]) -> Evidence
     Which is first depends on the others, which single effects do not have beside them.
     """
     first, last = path[1].last_effect.id, path[-1]
-    heat = last.heat()
+    temperature = last.temperature()
     share = np.log(PRIOR_EFFECTS / max(len(evidence.candidates), 1)) - DECIDING_LOG_ODDS
-    effects = -0.5 * max(last.misfit, 0.0) / heat + (len(path) - 1) * share
+    effects = -0.5 * max(last.misfit, 0.0) / temperature + (len(path) - 1) * share
     zero = max(path[0].misfit, 0.0)
     unexplained = (1.0 - UNKNOWN_SHARE) * zero
-    unknown = -0.5 * unexplained / heat + np.log(PRIOR_UNKNOWN)
-    logs = np.array([effects, -0.5 * zero / heat + np.log(PRIOR_NOTHING), unknown])
+    unknown = -0.5 * unexplained / temperature + np.log(PRIOR_UNKNOWN)
+    logs = np.array([effects, -0.5 * zero / temperature + np.log(PRIOR_NOTHING), unknown])
     found, none, other = _shared(logs)
     odds = np.array([0.0 if t.last_effect.id == first else IMPOSSIBLE for t in evidence.candidates])
     shares = found * shares_of(odds)
@@ -245,7 +245,7 @@ def with_first_step(evidence: Evidence, path: Sequence[FittedModel]) -> Evidence
         log_odds=odds,
         nothing=none,
         unknown=other,
-        temperature=heat,
+        temperature=temperature,
         logs=logs,
     )
 

@@ -20,7 +20,7 @@ import numpy as np
 from fingerlab.diagnosis.equations.features import BoolArray
 from fingerlab.diagnosis.equations.model import Choice, Model
 from fingerlab.diagnosis.fit.bounded_step import bounded_step
-from fingerlab.diagnosis.fit.data import Weights, own_to_a_run, temperature
+from fingerlab.diagnosis.fit.data import Weights, own_to_a_run, temperature_of
 from fingerlab.diagnosis.fit.noise import noise_of_a_sample
 from fingerlab.diagnosis.fit.solver import Fit, Fitter
 from fingerlab.diagnosis.gram.sums import Group, PairSums, feature_weights
@@ -186,9 +186,9 @@ class FittedModel:
         """Independent values behind ``misfit``."""
         return float(self.misfits[:, 1].sum())
 
-    def heat(self, misfit: float | None = None) -> float:
-        """The :func:`temperature` of its misfit, or of another one of the same runs."""
-        return temperature(self.misfit if misfit is None else misfit, self.count, self.runs)
+    def temperature(self, misfit: float | None = None) -> float:
+        """The :func:`temperature_of` of its misfit, or of another one of the same runs."""
+        return temperature_of(self.misfit if misfit is None else misfit, self.count, self.runs)
 
     @property
     def score(self) -> float:
@@ -313,8 +313,8 @@ def paired_log_odds(candidates: Sequence[FittedModel]) -> Array:
         return np.zeros(len(candidates))
     left = np.array([np.maximum(one.paired[:, 0], 0.0) for one in candidates])  # (models, pairs)
     counts, best = candidates[0].paired[:, 1], left.min(axis=0)
-    heat = np.array([temperature(m, c) for m, c in zip(best, counts, strict=True)])
-    log = -0.5 * ((left - best) / heat).sum(axis=1)
+    temperature = np.array([temperature_of(m, c) for m, c in zip(best, counts, strict=True)])
+    log = -0.5 * ((left - best) / temperature).sum(axis=1)
     return np.asarray(np.maximum(log - log.max(), -MOST_PAIRED))
 
 

@@ -52,9 +52,9 @@ def justified(base: FittedModel, fitted: FittedModel, level: float = 0.0, reach:
     fall = base.misfit - fitted.misfit - level
     explained = min(fall, fall + level) if base.choices else fall
     explained = min(explained, max(base.misfit, reach, 0.0))  # what lies below the floor is no misfit
-    heat = fitted.heat()
+    temperature = fitted.temperature()
     in_contact = contact_penalty(base, fitted)
-    gain = 0.5 * (fall - complexity_penalty(base, fitted) - in_contact * fitted.count) / heat
+    gain = 0.5 * (fall - complexity_penalty(base, fitted) - in_contact * fitted.count) / temperature
     likely = gain > DECIDING_LOG_ODDS + cost_of_choice(fitted)
     return bool(likely and explained > least_explained(base, base.misfit, base.count, in_contact))
 
