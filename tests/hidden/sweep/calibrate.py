@@ -427,6 +427,9 @@ def _summary(columns: dict[str, list[Answered]]) -> list[list[str]]:
             f"{np.median([len(x.set) for x in a]):g}; {_mean(a, lambda x: len(x.set)):.1f}" if a else "-"
         ),
         "verdict of a missing effect: effects in the set, median; one alone": _effects_in_sets,
+        "nothing missing: told otherwise": lambda a: _percent(
+            [x for x in a if x.trial.kind == OUTCOMES[NOTHING]], lambda x: x.trial.verdict != NOTHING
+        ),
         "sessions called unusual": lambda a: _percent(a, lambda x: x.typicality < 0.05),
     }
     rows = [["", *columns]]
