@@ -193,8 +193,8 @@ def check_held(reduction: Reduction, scorer: Scorer, given: Sequence[Effect]) ->
 def searched_again(question: Question, scorer: Scorer, found: Found) -> Found:
     """The search with constants of the runs by what the best model misses on their averages.
 
-    Only where no motion comes again, which would have told them, or where some were told and others may be
-    hidden by those; and only if that leaves far less.
+    Only of runs whose motion does not come again, which would have told them, or where some were told and
+    others may be hidden by those; and only if that leaves far less.
     """
     reduction, last = question.reduction, found.path[-1]
     constants, beside = likeliest_constants(reduction, found.refined or scorer, last)

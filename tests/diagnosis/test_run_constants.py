@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fingerlab.diagnosis.diagnose import likeliest_constants
+from fingerlab.diagnosis.diagnose import likeliest_constants, settle_constants
 from fingerlab.diagnosis.equations.features import Pick
 from fingerlab.diagnosis.fit.run_spreads import find_constants
 from fingerlab.diagnosis.gram.reduction import Reduction
@@ -119,4 +119,24 @@ def test_an_offset_in_runs_that_repeat_no_motion_is_found_at_its_size() -> None:
     assert found is not None
     assert once.spreads[2] < found.spreads[2]
     assert found.spreads[2] == pytest.approx(np.sqrt(np.mean(np.square(offsets))), rel=0.25)
+    assert found.spreads[[0, 1, 3]].tolist() == [0.0, 0.0, 0.0]
+
+
+def test_an_offset_is_found_where_only_runs_without_it_come_again() -> None:
+    """Two presses that agree say nothing of the offsets of four free motions, none of which comes again."""
+    session = made.session(made.Bench(), 5, contact=2)
+    offsets = {0: -9e-3, 3: 6e-3, 5: -2e-3, 7: 5e-3}
+    presses = [run for run in session.runs if run.phase == "contact"]
+    runs = [
+        made.with_motor_torque(session.runs[k], lambda _, offset=offset: offset)
+        for k, offset in offsets.items()
+    ]
+    drifting = replace(session, runs=(*runs, *presses))
+    reduction = Reduction([drifting])
+    scorer = Scorer(reduction.of([]))
+    assert settle_constants(reduction, scorer) is scorer
+    found, _ = likeliest_constants(reduction, scorer, scorer.bare)
+    assert found is not None
+    assert found.by_averages
+    assert found.spreads[2] == pytest.approx(np.sqrt(np.mean(np.square([*offsets.values(), 0, 0]))), rel=0.3)
     assert found.spreads[[0, 1, 3]].tolist() == [0.0, 0.0, 0.0]

@@ -66,8 +66,9 @@ def find_constants(
     Args:
         model, values, weights: the bare model, its unknowns, (p,), and the weights that it was fitted under.
         motions: which runs were told just the same, see ``conditions.repeated_motions``.
-        alone: where no motion comes again, or constants were found already and may not be all, take what the
-            model misses on the average of every run for its constants; it has to explain all but those.
+        alone: of groups in which no motion comes again, and of all where constants were found already and may
+            not be all, take what the model misses on the average of every run for its constants; it has to
+            explain all but those.
     """
     known = dict(zip(model.index, map(float, values), strict=True))
     shares = {
@@ -75,14 +76,17 @@ def find_constants(
         for g in reduced.groups
     }
     found = [_contrasts(model, values, g, weights[g.key], shares[g.key], motions) for g in reduced.groups]
-    if alone and (reduced.constants is not None or not any(len(one.pull) for one in found)):
-        found = [_averages(model, values, g, weights[g.key], shares[g.key]) for g in reduced.groups]
+    lone = [alone and (reduced.constants is not None or not len(one.pull)) for one in found]
+    found = [
+        _averages(model, values, g, weights[g.key], shares[g.key]) if averaged else one
+        for g, one, averaged in zip(reduced.groups, found, lone, strict=True)
+    ]
     pull = np.concatenate([one.pull for one in found])
     if not len(pull):
         return None
     contrasts = Contrasts(pull, np.concatenate([one.told for one in found]), sum(one.values for one in found))
     spreads = _likeliest(contrasts)
-    return RunConstants(spreads, shares) if spreads.any() else None
+    return RunConstants(spreads, shares, any(lone)) if spreads.any() else None
 
 
 def _contrasts(

@@ -101,10 +101,12 @@ class RunConstants:
     Attributes:
         spreads: one standard deviation of each source, (4,); zero: it does not move.
         shares: residual of the equations for each unit of each source, (5, 4) over ``Row``, by group.
+        by_averages: found, for want of repeated runs, by what a model misses on the averages of runs.
     """
 
     spreads: Array
     shares: Mapping[GroupKey, Array]
+    by_averages: bool = False
 
     @cached_property
     def key(self) -> tuple[bytes, ...]:
