@@ -34,7 +34,7 @@ from fingerlab.diagnosis.experiment.separation import (
 from fingerlab.diagnosis.gram.decimation import Decimated
 from fingerlab.diagnosis.score.calibration import Predicted
 from fingerlab.diagnosis.score.evidence import Evidence, Verdict
-from fingerlab.diagnosis.score.fitted_model import FittedModel, condition_weights, values_at_typical_strength
+from fingerlab.diagnosis.score.fitted_model import FittedModel, condition_weights, values_if_there
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.score.selection import (
     log_odds_of_misfits,
@@ -360,12 +360,10 @@ class Hidden:
 def _present_and_absent(
     scorer: Scorer, base: FittedModel, fitted: FittedModel
 ) -> tuple[FittedModel, FittedModel]:
-    """The model if its last effect were there at its typical strength and the rest hid it; and without it."""
+    """The model if its last effect were there and the old runs could not show it; and the one without it."""
     without = scorer.fit_same_law(base.choices, fitted, LOOKING_ITERATIONS)
-    known = without.values
-    start = np.array([known.get(u.key, 0.0) for u in fitted.model.unknowns])
-    absent = replace(without, misfits=base.misfits)
-    return replace(fitted, fit=replace(fitted.fit, values=values_at_typical_strength(fitted, start))), absent
+    present = replace(fitted, fit=replace(fitted.fit, values=values_if_there(fitted)))
+    return present, replace(without, misfits=base.misfits)
 
 
 def _detection(

@@ -246,14 +246,19 @@ def sensitivity(fitter: Fitter, fitted: FittedModel) -> Sensitivity:
     return best
 
 
-def values_at_typical_strength(fitted: FittedModel, values: Array) -> Array:
-    """``values`` of the unknowns, (p,), without the last effect -> with the strengths of its sensitivity.
+def values_if_there(fitted: FittedModel) -> Array:
+    """Values of the unknowns, (p,), likeliest by the old runs if the last effect is there and they hid it.
 
-    The other unknowns do about it what hides it best, within their bounds.
+    It is as strong as it came out, but no less than the strengths of its sensitivity, and for chance no more
+    than twice as strong. What else could be it stands where the fit has it, and does about the rest of the
+    strength what hides that best, within its bounds.
     """
     places = [fitted.model.index[key] for key in fitted.sensitivity.strengths]
-    strengths = np.array(list(fitted.sensitivity.strengths.values()))
-    moved = values + _moved(fitted, values, places, strengths)
+    typical = np.array(list(fitted.sensitivity.strengths.values()))
+    found = fitted.fit.values[places]
+    size = np.clip(np.abs(found), np.abs(typical), 2.0 * np.abs(typical))
+    strengths = np.copysign(size, np.where(found == 0.0, typical, found))
+    moved = fitted.fit.values + _moved(fitted, fitted.fit.values, places, strengths - found)
     return np.asarray(np.clip(moved, fitted.model.low, fitted.model.high))
 
 
