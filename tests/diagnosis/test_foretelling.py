@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import json
 from importlib.resources import files
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from fingerlab.diagnosis.experiment.separation import GainLine, Outlook, foretelling
+from fingerlab.diagnosis.fit.solver import Fit
 from fingerlab.diagnosis.score.calibration import Odds, calibrated, calibration
+from fingerlab.diagnosis.score.fitted_model import FittedModel, Sensitivity, values_if_there
 from tests.hidden.sweep.foretell import fit_line, fit_shows, well_told
 
 NAMES = ("coulomb_friction", "viscous_friction", "stribeck_friction")
@@ -63,6 +67,28 @@ def test_an_effect_that_was_seen_leaves_nothing_to_the_others() -> None:
     assert now.found_set(now.probabilities(after)) == [2]
     assert after.found[2] > 0.9
     assert after.nothing < 1e-100
+
+
+@pytest.mark.parametrize(
+    ("found", "typical", "there"), [(1.9, 2.0, 2.0), (2.5, 2.0, 2.5), (9.0, 2.0, 4.0), (-2.5, 2.0, -2.5)]
+)
+def test_a_tolerance_at_its_bound_hides_nothing_twice(found: float, typical: float, there: float) -> None:
+    """Runs know the sum of a tolerance (sd 0.5, bound 1.25) and an effect to 3: it is at its end.
+
+    The effect is as strong as it came out, within once and twice its typical strength; of what is added to
+    that, the tolerance takes (1 / 9) / (1 / 9 + 4) back.
+    """
+    bound = float(np.copysign(1.25, found))
+    information = np.array([[1 / 9 + 4.0, 1 / 9], [1 / 9, 1 / 9]])
+    model = SimpleNamespace(
+        index={"tolerance": 0, "effect": 1}, low=np.array([-1.25, -99.0]), high=np.array([1.25, 99.0])
+    )
+    fit = Fit(np.array([bound, found]), information, 0.0)
+    seen = Sensitivity(np.zeros(1), {"effect": typical})
+    values = values_if_there(FittedModel(cast(Any, model), fit, {}, np.zeros((1, 2)), sensitivity=seen))
+    assert values[1] == pytest.approx(there)
+    hidden = bound - (there - found) / 9 / (1 / 9 + 4.0)
+    assert values[0] == pytest.approx(np.clip(hidden, -1.25, 1.25))
 
 
 def test_the_table_of_the_program_is_fitted_and_finite() -> None:
