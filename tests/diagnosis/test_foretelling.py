@@ -36,6 +36,14 @@ def test_a_line_is_straight_for_small_gains_and_for_logarithms_of_large_ones() -
     assert line.gain(50.0, -1.0) / 50.0 == pytest.approx(np.exp(-0.5), rel=1e-3)
 
 
+def test_a_run_that_tells_nothing_apart_brings_nothing() -> None:
+    line = GainLine(offset=0.4, slope=1.1, spread=1.3, trials=9, fades=True)
+    assert line.gain(0.0, np.array([-1.0, 0.0, 1.0])).tolist() == [0.0, 0.0, 0.0]
+    assert abs(line.gain(0.05, 1.0)) < 0.15
+    # Of large gains nothing is taken: as without it, within a hundredth.
+    assert line.gain(50.0, 1.0) == pytest.approx(GainLine(0.4, 1.1, 1.3, 9).gain(50.0, 1.0), rel=0.01)
+
+
 def test_gains_go_from_the_other_effects_to_the_true_one() -> None:
     """Log odds after a run are those before plus the gain; what is not an effect keeps its share."""
     before = seen(0.0, -1.0, -2.0)

@@ -272,19 +272,25 @@ class GainLine:
     """What came of predicted gains, over ``trials`` of them: asinh(gain) = offset + slope asinh(predicted).
 
     In nats; nearly the gain itself where it is small, and its logarithm where it is large. ``spread`` is the
-    scatter about the line, one standard deviation.
+    scatter about the line, one standard deviation. Where the line ``fades``, offset and scatter go to zero
+    with the predicted gain: a run that tells two effects nothing apart brings nothing, by chance neither.
     """
 
     offset: float
     slope: float
     spread: float
     trials: int
+    fades: bool = False
 
     def gain(self, predicted: Array | float, away: Array | float = 0.0) -> Array:
         """The gain that comes of a predicted one, so many standard deviations ``away`` from the line."""
-        return np.asarray(
-            np.sinh(self.offset + self.slope * np.arcsinh(predicted) + self.spread * np.asarray(away))
-        )
+        off = self.offset + self.spread * np.asarray(away)
+        return np.asarray(np.sinh(self.share(predicted) * off + self.slope * np.arcsinh(predicted)))
+
+    def share(self, predicted: Array | float) -> Array:
+        """Of offset and scatter that such a predicted gain has."""
+        size = np.abs(predicted)
+        return np.asarray(size / np.hypot(1.0, size) if self.fades else np.ones_like(size, dtype=float))
 
 
 @dataclass(frozen=True)

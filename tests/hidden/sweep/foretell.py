@@ -99,17 +99,20 @@ def _logs(odds: Entry) -> dict[str, float]:
 def fit_line(found: Sequence[tuple[float, float]]) -> GainLine:
     """The line through predicted and achieved gains with least absolute errors, and the scatter about it.
 
-    With a weak pull to "as predicted": ten trials' worth.
+    With a weak pull to "as predicted": ten trials' worth. Offset and scatter fade with the predicted gain.
     """
-    x, y = (np.arcsinh(np.array(values)) for values in zip(*found, strict=True))
+    predicted, achieved = (np.array(values) for values in zip(*found, strict=True))
+    x, y = np.arcsinh(predicted), np.arcsinh(achieved)
+    share = GainLine(0.0, 1.0, 0.0, 0, fades=True).share(predicted)
 
     def cost(line: Array) -> float:
-        away = np.abs(y - line[0] - line[1] * x).sum()
+        away = np.abs(y - line[0] * share - line[1] * x).sum()
         return float(away + 10.0 * (line[0] ** 2 / 2.0 + (line[1] - 1.0) ** 2))
 
     offset, slope = minimize(cost, np.array([0.0, 1.0]), method="Nelder-Mead").x
-    away = np.abs(y - offset - slope * x)
-    return GainLine(float(offset), float(max(slope, 0.1)), float(np.median(away) / 0.6745), len(x))
+    away = np.abs(y - offset * share - slope * x) / np.maximum(share, 0.3)
+    spread = float(np.median(away) / 0.6745)
+    return GainLine(float(offset), float(max(slope, 0.1)), spread, len(x), fades=True)
 
 
 def fit_shows(found: Sequence[tuple[float, float]]) -> GainLine:
