@@ -249,15 +249,14 @@ def sensitivity(fitter: Fitter, fitted: FittedModel) -> Sensitivity:
 def values_if_there(fitted: FittedModel) -> Array:
     """Values of the unknowns, (p,), likeliest by the old runs if the last effect is there and they hid it.
 
-    It is as strong as it came out, but no less than the strengths of its sensitivity, and for chance no more
-    than twice as strong. What else could be it stands where the fit has it, and does about the rest of the
-    strength what hides that best, within its bounds.
+    It has the strengths of its sensitivity, in the sense in which it came out: how strong that was is mostly
+    chance. What else could be it stands where the fit has it, and does about the difference what hides that
+    best, within its bounds.
     """
     places = [fitted.model.index[key] for key in fitted.sensitivity.strengths]
     typical = np.array(list(fitted.sensitivity.strengths.values()))
     found = fitted.fit.values[places]
-    size = np.clip(np.abs(found), np.abs(typical), 2.0 * np.abs(typical))
-    strengths = np.copysign(size, np.where(found == 0.0, typical, found))
+    strengths = np.copysign(typical, np.where(found == 0.0, typical, found))
     moved = fitted.fit.values + _moved(fitted, fitted.fit.values, places, strengths - found)
     return np.asarray(np.clip(moved, fitted.model.low, fitted.model.high))
 
