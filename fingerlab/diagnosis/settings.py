@@ -431,6 +431,9 @@ FRONT = 8
 """This many are looked at more closely when the weights have changed."""
 HOPEFUL_SHARE = 0.1
 """An effect whose first step lowers the cost by less than this share of the best's is fitted no further."""
+LEADING_SHARE = 0.5
+"""Effects that explain at least so much of what the best explains may set the weights in its place, if the
+recordings are likelier with them; assumed: others are seldom what is missing, and each costs a fit."""
 SAME_COST_SHARE = 1e-3
 """Effects whose costs differ by less than this share leave the same noise, and set the same weights."""
 AT_BOUND = 0.999

@@ -30,6 +30,7 @@ from fingerlab.diagnosis.settings import (
     FULL_ITERATIONS,
     HELD_OUT_TRIALS,
     HOPEFUL_SHARE,
+    LEADING_SHARE,
     MOST_WIDENED,
     SAME_COST_SHARE,
     SCREEN_ITERATIONS,
@@ -238,8 +239,11 @@ def judge_all(
         candidates = front + candidates[HELD_OUT_TRIALS:]
         if not front or front[0].fit.cost >= base.fit.cost or _led(front, leaders):
             break
-        leaders.add(front[0].last_effect.id)
-        weights = scorer.fit_reweighted(front[0].choices, front[0]).weights
+        leader = _leader(scorer, base, front)
+        if leader.last_effect.id in leaders:
+            break
+        leaders.add(leader.last_effect.id)
+        weights = leader.weights
         base = scorer.fit(base.choices, base, FULL_ITERATIONS, weights)
         # Under the new weights another effect may come to the front.
         again = (
@@ -252,6 +256,17 @@ def judge_all(
     scored = [scorer.score_held_out(c) for c in candidates[:HELD_OUT_TRIALS]]
     scored += [_as_held_out(base, scorer.score_in_sample(c)) for c in candidates[HELD_OUT_TRIALS:]]
     return judge(base, scored)
+
+
+def _leader(scorer: Scorer, base: FittedModel, front: Sequence[FittedModel]) -> FittedModel:
+    """The likeliest of the front under its own weights, of those that explain as much as the best does.
+
+    Under the weights of a model that calls much of the recordings noise nothing speaks against another such
+    one: where a tip seems to rub, its friction is noise to all else in contact.
+    """
+    least = base.fit.cost - LEADING_SHARE * (base.fit.cost - front[0].fit.cost)
+    likely = [c for c in front if c.fit.cost <= least]
+    return min((scorer.fit_reweighted(c.choices, c) for c in likely), key=scorer.deviance)
 
 
 def _as_held_out(base: FittedModel, fitted: FittedModel) -> FittedModel:
