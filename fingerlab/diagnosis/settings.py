@@ -74,6 +74,15 @@ MOST_SPIKES_SHARE = 0.02
 
 LEAST_SPIKES = 5
 """Fewer spikes of a channel in all runs are left aside without a word."""
+LONGEST_HOLD_S = 0.06
+"""A channel that is read less often than this, s, does not show a motion up to the narrow cutoff: it is left
+as it is, and so is one that is told to stand."""
+HELD_STEPS = 4.0
+"""So many steps of its own a channel has to jump for the next sample to be asked whether it moves on."""
+HELD_SHARE = 0.9
+"""... and in so many of the jumps it must not: one that is read with each sample does in nearly all; assumed."""
+LEAST_HELD = 20
+"""With fewer jumps nothing is said of how often a channel is read; assumed."""
 
 # ## Channels whose sense is turned
 

@@ -207,6 +207,7 @@ def test_what_a_run_lost_is_told_of_that_run(dirty: dict[str, Any]) -> None:
         ("moving_zero", "motor_torque", "amplifier_offset"),
         ("spikes", "mcp_angle", "outliers"),
         ("lost_samples", "time", "gaps"),
+        ("held", "motor_position", "gaps"),
         ("skew", "mcp_angle", "skew"),
         ("missing_channel", "pip_angle", "dead_channel"),
     ],

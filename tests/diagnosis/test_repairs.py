@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fingerlab.diagnosis.signals.filters import bridged, without_spikes
+from fingerlab.diagnosis import diagnose
+from fingerlab.diagnosis.signals.filters import between_readings, bridged, readings_of, without_spikes
 from fingerlab.diagnosis.signals.segments import segments_of
 from fingerlab.sessions.model import Run
 
@@ -64,6 +65,64 @@ def test_a_long_gap_is_not_bridged() -> None:
     found, count = bridged({"time": TIME[kept]}, 1000.0)
     assert count == 0
     assert len(found["time"]) == len(kept)
+
+
+def held(values: np.ndarray, waits: np.ndarray) -> np.ndarray:
+    """What is logged of a channel that is read again after so many samples each time."""
+    readings = np.cumsum(waits)
+    readings = np.concatenate(([0], readings[readings < len(values)]))
+    return values[readings][np.searchsorted(readings, np.arange(len(values)), side="right") - 1]
+
+
+@pytest.mark.parametrize("waits", [(10, 11), (6, 15)])
+def test_a_channel_on_a_staircase_is_taken_at_its_readings(waits: tuple[int, int]) -> None:
+    rng = np.random.default_rng(2)
+    logged = held(MOTION, rng.integers(*waits, len(MOTION)))
+    readings = readings_of(logged, 60.0)
+    assert readings is not None
+    found = between_readings(logged[readings], readings, len(logged))
+    # A cubic over h is off by at most 5/384 h^4 of the fourth derivative (de Boor, A Practical Guide to
+    # Splines, ch. V); at the ends a few times that.
+    fourth = 0.3 * (2 * np.pi) ** 4 + 0.05 * (14 * np.pi) ** 4
+    middle = slice(100, -100)
+    assert np.abs(found - MOTION)[middle].max() < 2.0 * 5 / 384 * (waits[1] - 1) ** 4 * 1e-12 * fourth
+    assert np.abs(logged - MOTION)[middle].max() > 50.0 * np.abs(found - MOTION)[middle].max()
+
+
+def test_what_stands_still_was_read_all_the_while() -> None:
+    moving = np.where(TIME % 4.0 < 2.0, np.sin(2 * np.pi * TIME), 0.0)  # stands from 2 s to 4 s, and so on
+    logged = held(moving, np.full(len(moving), 10))
+    readings = readings_of(logged, 60.0)
+    assert readings is not None
+    found = between_readings(logged[readings], readings, len(logged))
+    assert np.abs(found - moving)[2050:3980].max() < 0.02
+    assert np.abs(found - moving)[18_050:].max() < 0.02  # and at the end
+
+
+def test_channels_that_are_read_with_each_sample_are_not_held() -> None:
+    told = np.repeat(np.random.default_rng(3).uniform(-1.0, 1.0, 40), 500)  # steps that are told, and held
+    stepping = np.where(TIME % 2.0 < 1.0, 0.2, -0.2) + 1e-3 * np.sin(50 * TIME)
+    coarse = [np.round(MOTION / step) * step for step in (0.05, 2e-2, 1e-3)]
+    for values in (noisy(0.0), noisy(7e-4), np.zeros_like(TIME), stepping, told, *coarse):
+        assert readings_of(values, 60.0) is None
+
+
+@pytest.mark.parametrize("channel", ["motor_torque", "pip_angle"])
+def test_a_channel_that_is_held_changes_no_verdict(channel: str) -> None:
+    session = made.session(made.Bench(), 4, contact=0)
+    usual = diagnose([session], with_curves=False)
+    runs = []
+    for run in session.runs:
+        channels = {name: np.asarray(values) for name, values in run.load().items()}
+        channels[channel] = held(channels[channel], np.full(run.length, 5))
+        names = {"name": run.name, "phase": run.phase, "cable": run.cable}
+        runs.append(Run.from_arrays(channels, **names, sample_rate_hz=made.RATE, trajectory=run.trajectory))
+    found = diagnose([replace(session, runs=tuple(runs))], with_curves=False)
+    assert (found.verdict, found.set) == (usual.verdict, usual.set)
+    told = [one for one in found.bench if one.kind == "held"]
+    assert [one.channel for one in told] == [channel]
+    every = sum(run.length for run in session.runs)
+    assert told[0].size == pytest.approx(0.8 * every, rel=0.25)
 
 
 def test_thirty_lost_samples_cost_no_time() -> None:

@@ -15,7 +15,7 @@ from fingerlab.diagnosis.gram.sums import SOURCES, Offsets
 from fingerlab.diagnosis.score.evidence import Evidence
 from fingerlab.diagnosis.score.fitted_model import FittedModel, at_assumed_bounds, own_keys
 from fingerlab.diagnosis.settings import LEAST_SPIKES, MOST_NAMED, TOLD_OFFSET, TOLD_SHARE, TOLD_SKEW_S, Z90
-from fingerlab.diagnosis.signals.filters import BRIDGED, CUT_OUT
+from fingerlab.diagnosis.signals.filters import BRIDGED, CUT_OUT, HELD
 from fingerlab.effects import find_effect
 from fingerlab.effects.base import Effect, Row
 from fingerlab.models.file import ParameterEstimate
@@ -39,6 +39,7 @@ def bench_findings(
         *_skew(reduction, last),
         *_spikes(reduction),
         *_lost(reduction),
+        *_held(reduction),
     )
 
 
@@ -135,8 +136,9 @@ def _moved_words(channel: str, spread: float, most: float, run: str, rig: Rig) -
 def _spikes(reduction: Reduction) -> list[BenchFinding]:
     """Single samples that are no measurements."""
     result = []
-    channels = sorted({name for found in reduction.repairs.values() for name in found} - {BRIDGED, CUT_OUT})
-    for channel in channels:
+    for channel in _repaired(reduction):
+        if channel.endswith(HELD):
+            continue
         runs = _with(reduction, channel)
         count = sum(reduction.repairs[n][channel] for n in runs)
         if count < LEAST_SPIKES:
@@ -170,6 +172,30 @@ def _lost(reduction: Reduction) -> list[BenchFinding]:
                 BenchFinding("lost_samples", "time", float(count), "samples", names, sentence, advice)
             )
     return result
+
+
+def _held(reduction: Reduction) -> list[BenchFinding]:
+    """Channels that are logged more often than they are read."""
+    result = []
+    for channel in _repaired(reduction):
+        if not channel.endswith(HELD):
+            continue
+        name, runs = channel.removesuffix(HELD), _with(reduction, channel)
+        count = sum(reduction.repairs[n][channel] for n in runs)
+        every = sum(reduction.analysed[n].length for n in runs)
+        said = (
+            f"Channel '{name}' is logged more often than it is read: of {every:,} samples in "
+            f"{_count(len(runs), 'run')} {count:,} only repeat the one before; it is taken at its readings"
+        )
+        advice = "read it with each sample, or log no faster than it is read"
+        names = tuple(reduction.runs[n][1] for n in runs)
+        result.append(BenchFinding("held", name, float(count), "samples", names, said, advice))
+    return result
+
+
+def _repaired(reduction: Reduction) -> list[str]:
+    """Names under which samples of channels were counted that were put right."""
+    return sorted({name for found in reduction.repairs.values() for name in found} - {BRIDGED, CUT_OUT})
 
 
 def _with(reduction: Reduction, channel: str) -> list[int]:

@@ -3,7 +3,9 @@
 A low-pass spreads one wrong sample over a tenth of a second, and a derivative makes much of it. A spike is
 told by its size against its neighbours (Hampel's identifier, Pearson, "Outliers in process modeling and
 identification", 2002), on the scale of the channel's own noise; a gap of a few milliseconds is crossed on a
-straight line. Both are counted, by channel, and told as findings about the bench.
+straight line. A channel that is logged more often than it is read stands on a staircase, which is half a step
+late and whose derivative is a comb; it is taken at its readings alone. All are counted, by channel, and told
+as findings about the bench.
 
 Nonlinear terms are formed at high bandwidth, then measured signals and terms pass the same zero-phase
 low-pass and are decimated. Friction formed from a speed at 8 Hz makes Coulomb friction look like Stribeck
@@ -21,6 +23,9 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from fingerlab.diagnosis.settings import (
+    HELD_SHARE,
+    HELD_STEPS,
+    LEAST_HELD,
     LEAST_SPIKE,
     LEAST_SPIKE_LOCALLY,
     LONGEST_BRIDGE_S,
@@ -39,6 +44,9 @@ BRIDGED = "time"
 """Under this name the samples are counted that were lost and bridged."""
 CUT_OUT = "time, not bridged"
 """Under this one those of gaps too long for that, between which a run is analysed piece by piece."""
+
+HELD = ", held"
+"""Under a channel's name and this those are counted that only repeat the last reading."""
 
 
 def bridged(samples: Mapping[str, Array], rate: float) -> tuple[dict[str, Array], int]:
@@ -94,6 +102,46 @@ def without_spikes(values: Array) -> tuple[Array, Array]:
     repaired = values.copy()
     repaired[spikes] = np.interp(spikes, kept, values[kept])
     return repaired, spikes
+
+
+def readings_of(values: Array, most: float) -> NDArray[np.intp] | None:
+    """Where a channel was read anew, (readings,), if what was logged between only repeats the last reading.
+
+    A channel that moves by several of its steps from one sample to the next moves on with the sample after
+    that, unless nobody has read it. One that is told to stand, or whose encoder is coarse, moves otherwise.
+
+    Args:
+        values: (n,). most: samples between two readings of what is still a measurement of the motion.
+    """
+    new = np.flatnonzero(np.diff(values)) + 1
+    if len(new) < LEAST_HELD + 1:
+        return None
+    quick = np.abs(values[new[:-1]] - values[new[:-1] - 1]) > HELD_STEPS * _step(values)
+    waits = np.diff(new)[quick]
+    if len(waits) < LEAST_HELD or np.mean(waits > 1) < HELD_SHARE or np.median(waits) > most:
+        return None
+    # What stands still was read all the while, also before it first moved and after it last did.
+    usual = int(np.median(waits))
+    ends = np.append(new, len(values) + usual // 2)
+    stands = np.flatnonzero(np.diff(ends) > 2 * usual)
+    still = [np.arange(ends[k], ends[k + 1] - usual // 2, usual) for k in stands]
+    return np.unique(np.concatenate((np.arange(new[0] - usual, -1, -usual), new, *still)))
+
+
+def between_readings(values: Array, readings: NDArray[np.intp], count: int) -> Array:
+    """A cubic spline (not-a-knot) through a channel's ``values`` at its ``readings``, (count,).
+
+    Before the first reading and after the last it goes on straight.
+    """
+    from scipy.interpolate import CubicSpline  # slow to import, and few recordings want it
+
+    spline = CubicSpline(readings, values)
+    place = np.arange(count)
+    found = spline(np.clip(place, readings[0], readings[-1]))
+    before, after = place < readings[0], place > readings[-1]
+    found[before] += spline(readings[0], 1) * (place[before] - readings[0])
+    found[after] += spline(readings[-1], 1) * (place[after] - readings[-1])
+    return np.asarray(found)
 
 
 NONE = np.zeros(0, dtype=int)

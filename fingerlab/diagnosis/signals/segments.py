@@ -18,6 +18,7 @@ from fingerlab.diagnosis.settings import (
     AGAINST,
     ALWAYS,
     CLEARLY_HELPING,
+    LONGEST_HOLD_S,
     LONGEST_STRETCH_S,
     MOVED_DEG,
     NO_TORQUE,
@@ -30,12 +31,15 @@ from fingerlab.diagnosis.settings import (
 )
 from fingerlab.diagnosis.signals.conditions import BENCH_CHANNELS, CHANGE, FINGER_CHANNELS
 from fingerlab.diagnosis.signals.filters import (
+    HELD,
     at_wide_rate,
+    between_readings,
     bridged,
     derivative_kernels,
     differentiate,
     is_wide_rate,
     lost,
+    readings_of,
     without_spikes,
 )
 from fingerlab.diagnosis.signals.scales import LEAST_SECONDS, as_recorded, reduced_change, scales_of
@@ -109,15 +113,29 @@ def _without_gaps(run: Run, rig: Rig, start: int, stop: int, on_bench: bool, lea
         for name in names:
             if name != "endpoint_force":
                 _check_numbers(run, name, mine[name], start - lead + piece.start)
-            mine[name], spikes = without_spikes(mine[name])
+            mine[name], spikes, held = _repaired(mine[name], run.sample_rate_hz, its_lead)
+            repairs |= {name + HELD: held} if held else {}
             spikes = spikes[spikes >= its_lead]
             repairs |= {name: len(spikes)} if len(spikes) else {}
             spiked |= set(spikes.tolist())
         motion = _motion(run, rig, start - lead + piece.start, mine, on_bench, its_lead)
+        step = _smallest_step(samples["motor_position"][piece][its_lead:])
         at = (start - lead + piece.start + np.array(sorted(spiked), dtype=float)) / run.sample_rate_hz
         later = float(mine["time"][0] - samples["time"][0]) - piece.start / run.sample_rate_hz
         later = later if piece.start else 0.0
-        yield replace(motion, repairs=repairs, time=motion.time + later, repaired_at=at + later)
+        yield replace(
+            motion, repairs=repairs, time=motion.time + later, repaired_at=at + later, position_step=step
+        )
+
+
+def _repaired(values: Array, rate: float, lead: int) -> tuple[Array, Array, int]:
+    """A channel without spikes and steps; where spikes were, and how many samples behind the lead repeat."""
+    readings = readings_of(values, LONGEST_HOLD_S * rate) if np.isfinite(values).all() else None
+    if readings is None:
+        return *without_spikes(values), 0
+    read, spikes = without_spikes(values[readings])
+    held = len(values) - lead - int(np.count_nonzero(readings >= lead))
+    return between_readings(read, readings, len(values)), readings[spikes], held
 
 
 def _whole(time: Array, rate: float, lead: int) -> Iterator[tuple[slice, int]]:
@@ -183,7 +201,6 @@ def _motion(
         load=load,
         linear=isinstance(rig.extra.get("axis"), Mapping),
         lead=behind,
-        position_step=_smallest_step(samples["motor_position"][lead:]),
         inertia_spread=_inertia_spread(rig),
         intervention=None if on_bench else reduced_change(run),
         change=run.attributes.get(CHANGE, (0, 0)),
