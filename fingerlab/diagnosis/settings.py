@@ -80,7 +80,7 @@ as it is, and so is one that is told to stand."""
 HELD_STEPS = 4.0
 """So many steps of its own a channel has to jump for the next sample to be asked whether it moves on."""
 HELD_SHARE = 0.9
-"""... and in so many of the jumps it must not: one that is read with each sample does in nearly all; assumed."""
+"""... and in so many jumps it must not: one that is read with each sample does in nearly all; assumed."""
 LEAST_HELD = 20
 """With fewer jumps nothing is said of how often a channel is read; assumed."""
 
