@@ -22,6 +22,10 @@ PACE_SAMPLES = 65536
 LEAST_RATE_HZ = 60.0
 """Samples in a reduced second at least: seven in a cycle of the narrow cutoff, below which the band itself is
 lost; assumed."""
+HELD_SAMPLES = 4096
+"""So many samples of a run tell how often its channels are read."""
+LEAST_READINGS = 64
+"""A position with fewer readings in these does not show the motion; assumed."""
 QUICKER_OCTAVES = 2
 """By so many octaves short runs are looked at more quickly than their pace asks for, at most; assumed."""
 USUAL_TORQUE_SPREAD = 0.04
@@ -74,9 +78,6 @@ MOST_SPIKES_SHARE = 0.02
 
 LEAST_SPIKES = 5
 """Fewer spikes of a channel in all runs are left aside without a word."""
-LONGEST_HOLD_S = 0.06
-"""A channel that is read less often than this, s, does not show a motion up to the narrow cutoff: it is left
-as it is, and so is one that is told to stand."""
 HELD_STEPS = 4.0
 """So many steps of its own a channel has to jump for the next sample to be asked whether it moves on."""
 HELD_SHARE = 0.9

@@ -8,7 +8,13 @@ import numpy as np
 import pytest
 
 from fingerlab.diagnosis import diagnose
-from fingerlab.diagnosis.signals.filters import between_readings, bridged, readings_of, without_spikes
+from fingerlab.diagnosis.signals.filters import (
+    between_readings,
+    bridged,
+    readings_of,
+    usual_wait,
+    without_spikes,
+)
 from fingerlab.diagnosis.signals.segments import segments_of
 from fingerlab.sessions.model import Run
 
@@ -78,8 +84,7 @@ def held(values: np.ndarray, waits: np.ndarray) -> np.ndarray:
 def test_a_channel_on_a_staircase_is_taken_at_its_readings(waits: tuple[int, int]) -> None:
     rng = np.random.default_rng(2)
     logged = held(MOTION, rng.integers(*waits, len(MOTION)))
-    readings = readings_of(logged, 60.0)
-    assert readings is not None
+    readings = readings_of(logged, usual_wait(logged, 60.0))
     found = between_readings(logged[readings], readings, len(logged))
     # A cubic over h is off by at most 5/384 h^4 of the fourth derivative (de Boor, A Practical Guide to
     # Splines, ch. V); at the ends a few times that.
@@ -92,8 +97,7 @@ def test_a_channel_on_a_staircase_is_taken_at_its_readings(waits: tuple[int, int
 def test_what_stands_still_was_read_all_the_while() -> None:
     moving = np.where(TIME % 4.0 < 2.0, np.sin(2 * np.pi * TIME), 0.0)  # stands from 2 s to 4 s, and so on
     logged = held(moving, np.full(len(moving), 10))
-    readings = readings_of(logged, 60.0)
-    assert readings is not None
+    readings = readings_of(logged, usual_wait(logged, 60.0))
     found = between_readings(logged[readings], readings, len(logged))
     assert np.abs(found - moving)[2050:3980].max() < 0.02
     assert np.abs(found - moving)[18_050:].max() < 0.02  # and at the end
@@ -103,8 +107,9 @@ def test_channels_that_are_read_with_each_sample_are_not_held() -> None:
     told = np.repeat(np.random.default_rng(3).uniform(-1.0, 1.0, 40), 500)  # steps that are told, and held
     stepping = np.where(TIME % 2.0 < 1.0, 0.2, -0.2) + 1e-3 * np.sin(50 * TIME)
     coarse = [np.round(MOTION / step) * step for step in (0.05, 2e-2, 1e-3)]
+    coarse += [values.astype(np.float32).astype(float) + 3.0 for values in coarse]  # and rounded
     for values in (noisy(0.0), noisy(7e-4), np.zeros_like(TIME), stepping, told, *coarse):
-        assert readings_of(values, 60.0) is None
+        assert usual_wait(values, 60.0) == 1
 
 
 @pytest.mark.parametrize("channel", ["motor_torque", "pip_angle"])

@@ -158,6 +158,15 @@ def test_an_encoder_of_two_thousand_steps_is_no_missing_effect(tmp_path: Path) -
     assert result.score < 1.2  # 1.57 and "not in the catalogue" without a floor for the steps
 
 
+def test_a_position_that_is_read_at_a_tenth_of_the_rate_is_no_missing_effect(tmp_path: Path) -> None:
+    """Sines of up to 1 Hz at 250 Hz, of which the encoder is read at 25 Hz: looked at slowly, and told."""
+    result = diagnosed(robots.imported(robots.MACHINES["plain, read at 25 Hz"], tmp_path))
+    assert result.verdict == "nothing_missing"
+    assert result.score < 1.1  # 152 and "not in the catalogue" on the staircase
+    assert [(one.kind, one.channel) for one in result.bench] == [("held", "motor_position")]
+    assert find_scales([open_session(tmp_path / "axis.h5")]).time == 2.0
+
+
 def test_friction_at_one_speed_is_told_although_sixty_times_the_floor() -> None:
     """Laps at an even speed: the law with an unknown more is not refused for leaving four times less.
 

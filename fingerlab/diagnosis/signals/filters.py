@@ -104,24 +104,38 @@ def without_spikes(values: Array) -> tuple[Array, Array]:
     return repaired, spikes
 
 
-def readings_of(values: Array, most: float) -> NDArray[np.intp] | None:
-    """Where a channel was read anew, (readings,), if what was logged between only repeats the last reading.
+def usual_wait(values: Array, most: float) -> int:
+    """After how many samples a channel is read anew, if what is logged between only repeats the last reading.
 
     A channel that moves by several of its steps from one sample to the next moves on with the sample after
     that, unless nobody has read it. One that is told to stand, or whose encoder is coarse, moves otherwise.
 
     Args:
         values: (n,). most: samples between two readings of what is still a measurement of the motion.
+
+    Returns:
+        1 where each sample is a reading, or too little moves to tell.
+    """
+    changes = np.abs(np.diff(values))
+    new = np.flatnonzero(changes) + 1
+    if not LEAST_HELD < len(new) < HELD_SHARE * len(values):
+        return 1
+    sizes = np.unique(changes[new - 1])
+    apart = np.diff(sizes)
+    # At an even speed all changes are alike, and what they differ by is the step.
+    step = min(sizes[0], np.min(apart, where=apart > SAME_SIZE * sizes[0], initial=np.inf))
+    waits = np.diff(new)[changes[new[:-1] - 1] > HELD_STEPS * step]
+    if len(waits) < LEAST_HELD or np.mean(waits > 1) < HELD_SHARE or np.median(waits) > most:
+        return 1
+    return int(np.median(waits))
+
+
+def readings_of(values: Array, usual: int) -> NDArray[np.intp]:
+    """Where a channel was read, (readings,), of which most are ``usual`` samples apart: where it moves on.
+
+    What stands still was read all the while, also before it first moves and after it last does.
     """
     new = np.flatnonzero(np.diff(values)) + 1
-    if len(new) < LEAST_HELD + 1:
-        return None
-    quick = np.abs(values[new[:-1]] - values[new[:-1] - 1]) > HELD_STEPS * _step(values)
-    waits = np.diff(new)[quick]
-    if len(waits) < LEAST_HELD or np.mean(waits > 1) < HELD_SHARE or np.median(waits) > most:
-        return None
-    # What stands still was read all the while, also before it first moved and after it last did.
-    usual = int(np.median(waits))
     ends = np.append(new, len(values) + usual // 2)
     stands = np.flatnonzero(np.diff(ends) > 2 * usual)
     still = [np.arange(ends[k], ends[k + 1] - usual // 2, usual) for k in stands]
@@ -144,6 +158,8 @@ def between_readings(values: Array, readings: NDArray[np.intp], count: int) -> A
     return np.asarray(found)
 
 
+SAME_SIZE = 0.05
+"""Changes that differ by less than this share of the smallest differ by rounding."""
 NONE = np.zeros(0, dtype=int)
 
 

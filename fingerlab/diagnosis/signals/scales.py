@@ -20,7 +20,9 @@ import numpy as np
 from fingerlab.core.text import FACTORS
 from fingerlab.diagnosis.settings import (
     BAND_OVER_HALF,
+    HELD_SAMPLES,
     LEAST_RATE_HZ,
+    LEAST_READINGS,
     MOVING_SHARE,
     NARROW_CUTOFF_HZ,
     PACE_SAMPLES,
@@ -31,6 +33,8 @@ from fingerlab.diagnosis.settings import (
     USUAL_TORQUE_SPREAD,
     USUAL_TRAVEL,
 )
+from fingerlab.diagnosis.signals.conditions import FINGER_CHANNELS
+from fingerlab.diagnosis.signals.filters import usual_wait
 from fingerlab.physics.motion import Motion
 from fingerlab.physics.nominal import JointMotion
 from fingerlab.rig.file import CONSTANT_UNITS, UNITS, Finger, Intervention, Motor, Rig, intervention_of
@@ -127,18 +131,31 @@ def _time_of(runs: Sequence[Run]) -> float:
     usual = round(math.log2(USUAL_PACE / float(np.median(paces))))
     # The hundredth forgives a rate or a length that is no round number.
     shortest = min(run.seconds for run in runs)
-    octave = min(usual, math.floor(math.log2(max(shortest, 1e-9) / LEAST_SECONDS) + 0.01))
-    # What is sampled slowly is looked at slowly.
-    least = math.ceil(math.log2(LEAST_RATE_HZ / min(run.sample_rate_hz for run in runs)) - 0.01)
-    return float(2.0 ** max(octave, usual - QUICKER_OCTAVES, least))
+    most = math.floor(math.log2(max(shortest, 1e-9) / LEAST_SECONDS) + 0.01)
+    # What is sampled slowly is looked at slowly, and as far as its length allows what is read slowly.
+    sampled, read = (
+        math.ceil(math.log2(LEAST_RATE_HZ / min(rates)) - 0.01)
+        for rates in ([run.sample_rate_hz for run in runs], [_read_rate(run) for run in runs])
+    )
+    return float(2.0 ** max(min(usual, most), usual - QUICKER_OCTAVES, sampled, min(read, most)))
 
 
-def _moving(run: Run, channel: str) -> Array:
+def _read_rate(run: Run) -> float:
+    """How often the position or angle of a run is read that is read least often, Hz.
+
+    A torque may be told in steps; what moves does not jump.
+    """
+    names = {"motor_position"} if run.phase == "motor_bench" else {*FINGER_CHANNELS} - {"motor_torque"}
+    waits = (usual_wait(_moving(run, name, HELD_SAMPLES), HELD_SAMPLES / LEAST_READINGS) for name in names)
+    return run.sample_rate_hz / max(waits)
+
+
+def _moving(run: Run, channel: str, most: int = PACE_SAMPLES) -> Array:
     """A channel behind the ramp from rest, as much of it as tells its size; nothing where it has gaps."""
     if not run.has(channel):
         return np.zeros(0)
     first = run.length // 10
-    values = run.channel(channel, first, min(run.length, first + PACE_SAMPLES))
+    values = run.channel(channel, first, min(run.length, first + most))
     return values if len(values) >= 16 and np.isfinite(values).all() else np.zeros(0)
 
 

@@ -18,9 +18,9 @@ from fingerlab.diagnosis.settings import (
     AGAINST,
     ALWAYS,
     CLEARLY_HELPING,
-    LONGEST_HOLD_S,
     LONGEST_STRETCH_S,
     MOVED_DEG,
+    NARROW_RATE_HZ,
     NO_TORQUE,
     PUSHES_N,
     SETTLING_S,
@@ -40,6 +40,7 @@ from fingerlab.diagnosis.signals.filters import (
     is_wide_rate,
     lost,
     readings_of,
+    usual_wait,
     without_spikes,
 )
 from fingerlab.diagnosis.signals.scales import LEAST_SECONDS, as_recorded, reduced_change, scales_of
@@ -130,9 +131,10 @@ def _without_gaps(run: Run, rig: Rig, start: int, stop: int, on_bench: bool, lea
 
 def _repaired(values: Array, rate: float, lead: int) -> tuple[Array, Array, int]:
     """A channel without spikes and steps; where spikes were, and how many samples behind the lead repeat."""
-    readings = readings_of(values, LONGEST_HOLD_S * rate) if np.isfinite(values).all() else None
-    if readings is None:
+    usual = usual_wait(values, rate / NARROW_RATE_HZ) if np.isfinite(values).all() else 1
+    if usual == 1:
         return *without_spikes(values), 0
+    readings = readings_of(values, usual)
     read, spikes = without_spikes(values[readings])
     held = len(values) - lead - int(np.count_nonzero(readings >= lead))
     return between_readings(read, readings, len(values)), readings[spikes], held

@@ -44,6 +44,7 @@ class Joint:
         command: what the loop is told. seconds, rate, runs: of the log.
         step: of the encoder, torque_step, noise: of the torque as logged.
         sense: 1, or -1 where the encoder counts against the torque.
+        held: after so many samples the encoder is read again.
         truth: the effects that are in it; of those in braces any will do. inside: the same in words.
     """
 
@@ -71,6 +72,7 @@ class Joint:
     torque_step: float = 0.0
     noise: float = 0.0
     sense: float = 1.0
+    held: int = 1
     linear: bool = False
     seed: int = 0
     truth: Sequence[frozenset[str]] = ()
@@ -146,6 +148,7 @@ def logged(joint: Joint) -> list[dict[str, Array]]:
     if joint.torque_step:
         torque = np.rint(torque / joint.torque_step) * joint.torque_step
     position = np.rint(joint.sense * position / joint.step) * joint.step
+    position = position[:, np.arange(position.shape[1]) // joint.held * joint.held]
     runs = []
     for k in range(len(position)):
         run = {"t": time, "q": position[k], "tau": torque[k]}
@@ -324,6 +327,8 @@ MACHINES: Mapping[str, Joint] = {
         fourier(1.0, 0.15, 4, 5), 0.05, 0.8, 0.2, viscous=0.3, sense=-1.0, truth=(RUBS,), noise=0.02,
         inside="0.8 N m, 0.3 N m s/rad", step=1e-4, rate=500.0,
     ),
+    "ball screw, read at 100 Hz": replace(EMPS, held=10),
+    "shoulder, read at 100 Hz": replace(ARM, held=10),
     "plain, sums": Joint(fourier(1.0, 0.2, 4, 6), 0.05, noise=0.005, offset=0.02),
     "plain, laps": Joint(
         moves(0.5, 0.6, 2.0, (0.2, 0.2, 0.2)), 20.0, noise=0.5, step=1e-6, linear=True, offset=1.0
@@ -344,5 +349,8 @@ MACHINES: Mapping[str, Joint] = {
     "plain, sines": Joint(
         sines(0.6, (0.5, 1.0, 0.25, 0.7)), 0.01, noise=0.004, step=1e-4, rate=250.0, seconds=10.0
     ),
+    "plain, read at 25 Hz": Joint(
+        sines(0.6, (0.5, 1.0, 0.25, 0.7)), 0.01, noise=0.004, step=1e-4, rate=250.0, seconds=10.0, held=10
+    ),
 }  # fmt: skip
-"""Of the kinds that are logged in public; the last seven have nothing that the model lacks."""
+"""Of the kinds that are logged in public; the last eight have nothing that the model lacks."""
