@@ -64,6 +64,13 @@ NARROW_TAPS = 81
 
 LONGEST_BRIDGE_S = 0.012
 """A gap of so long is bridged, s: a tenth of a period at the narrow cutoff; one lost sample at any rate."""
+LEAST_JITTER = 0.01
+"""Times that scatter by less than this share of a sample are even: at 1 kHz 10 us, a rounding of the log."""
+STRAIGHTER = 0.98
+"""Where its times are true a motion bends by less than this share of what it does by number; assumed: an
+encoder's noise makes it 1, and then nothing is gained by them."""
+TOLD_JITTER = 0.1
+"""A sample that is off its time by more than this share of a sample came early or late; assumed."""
 LEAST_SPIKE = 12.0
 """A spike is off by so many times what a channel bends by from sample to sample, or its step; in recordings
 of seven machines, clean ones, nothing but impacts is off by more than ten."""

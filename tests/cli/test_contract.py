@@ -208,6 +208,7 @@ def test_what_a_run_lost_is_told_of_that_run(dirty: dict[str, Any]) -> None:
         ("spikes", "mcp_angle", "outliers"),
         ("lost_samples", "time", "gaps"),
         ("held", "motor_position", "gaps"),
+        ("uneven_times", "time", "gaps"),
         ("skew", "mcp_angle", "skew"),
         ("missing_channel", "pip_angle", "dead_channel"),
     ],

@@ -9,6 +9,7 @@ import pytest
 
 from fingerlab.diagnosis import diagnose
 from fingerlab.diagnosis.signals.filters import (
+    at_even_times,
     between_readings,
     bridged,
     readings_of,
@@ -71,6 +72,33 @@ def test_a_long_gap_is_not_bridged() -> None:
     found, count = bridged({"time": TIME[kept]}, 1000.0)
     assert count == 0
     assert len(found["time"]) == len(kept)
+
+
+def at(times: np.ndarray) -> np.ndarray:
+    """The motion at these times."""
+    return 0.3 * np.sin(2 * np.pi * times) + 0.05 * np.sin(2 * np.pi * 7 * times)
+
+
+def test_samples_that_came_early_or_late_are_taken_at_their_times() -> None:
+    rng = np.random.default_rng(5)
+    taken = np.sort(TIME + 0.25e-3 * rng.standard_normal(len(TIME)))
+    taken = np.delete(taken, np.arange(7000, 7050))  # a gap too long to be bridged
+    found, counts = at_even_times({"time": taken, "motor_position": at(taken)}, 1000.0, 0)
+    assert np.diff(found["time"]).max() == pytest.approx(0.051, abs=0.002)
+    assert np.median(np.diff(found["time"])) == pytest.approx(1e-3)
+    # A line over 2.5 ms is off by at most an eighth of the square of that times the acceleration.
+    most = 0.3 * (2 * np.pi) ** 2 + 0.05 * (14 * np.pi) ** 2
+    assert np.abs(found["motor_position"] - at(found["time"])).max() <= 0.125 * 0.0025**2 * most
+    assert counts["time, uneven"] == pytest.approx(0.69 * len(TIME), rel=0.05)  # beyond 0.4 deviations
+    assert counts["time, not bridged"] == pytest.approx(50, abs=2)
+
+
+def test_times_of_packets_are_not_those_of_their_samples() -> None:
+    stamps = np.sort(TIME + 0.3e-3 * np.random.default_rng(6).standard_normal(len(TIME)))
+    for samples in ({"time": stamps, "motor_position": MOTION}, {"time": TIME, "motor_position": MOTION}):
+        found, counts = at_even_times(samples, 1000.0, 0)
+        assert counts == {}
+        assert found["motor_position"] is MOTION
 
 
 def held(values: np.ndarray, waits: np.ndarray) -> np.ndarray:

@@ -167,6 +167,15 @@ def test_a_position_that_is_read_at_a_tenth_of_the_rate_is_no_missing_effect(tmp
     assert find_scales([open_session(tmp_path / "axis.h5")]).time == 2.0
 
 
+def test_samples_that_come_early_or_late_are_no_missing_effect(tmp_path: Path) -> None:
+    """Laps of a carriage whose times scatter by a quarter of a sample; one sample in thirty is lost."""
+    result = diagnosed(robots.imported(robots.MACHINES["plain, uneven times"], tmp_path))
+    assert result.verdict == "nothing_missing"
+    assert result.score < 1.1  # 1.22 and a spring by the samples' numbers
+    told = {one.kind: one for one in result.bench}
+    assert told["uneven_times"].size == pytest.approx(0.7 * 45_000, rel=0.2)  # by more than a tenth
+
+
 def test_friction_at_one_speed_is_told_although_sixty_times_the_floor() -> None:
     """Laps at an even speed: the law with an unknown more is not refused for leaving four times less.
 

@@ -194,6 +194,7 @@ FINDINGS = {
     "spikes": "outliers",
     "lost_samples": "gaps",
     "held": "gaps",
+    "uneven_times": "gaps",
     "skew": "skew",
     "missing_channel": "dead_channel",
 }
@@ -205,7 +206,7 @@ class BenchFinding:
     """What the recordings say of the bench itself, which is no matter of physics.
 
     Attributes:
-        kind: "moving_zero", "spikes", "lost_samples", "held", "skew", "missing_channel".
+        kind: "moving_zero", "spikes", "lost_samples", "uneven_times", "held", "skew", "missing_channel".
         channel: that it is about. size: how much of it, in ``unit``. runs: that show it.
         sentence: what was found. advice: what to do about it; both without a full stop.
     """

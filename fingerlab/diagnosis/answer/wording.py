@@ -15,7 +15,7 @@ from fingerlab.diagnosis.gram.sums import SOURCES, Offsets
 from fingerlab.diagnosis.score.evidence import Evidence
 from fingerlab.diagnosis.score.fitted_model import FittedModel, at_assumed_bounds, own_keys
 from fingerlab.diagnosis.settings import LEAST_SPIKES, MOST_NAMED, TOLD_OFFSET, TOLD_SHARE, TOLD_SKEW_S, Z90
-from fingerlab.diagnosis.signals.filters import BRIDGED, CUT_OUT, HELD
+from fingerlab.diagnosis.signals.filters import BRIDGED, CUT_OUT, HELD, OF_TIME, UNEVEN
 from fingerlab.effects import find_effect
 from fingerlab.effects.base import Effect, Row
 from fingerlab.models.file import ParameterEstimate
@@ -155,22 +155,22 @@ def _spikes(reduction: Reduction) -> list[BenchFinding]:
 
 
 def _lost(reduction: Reduction) -> list[BenchFinding]:
-    """Samples that were lost, a few at a time or many."""
+    """Samples that were lost, a few at a time or many, or came early or late."""
     result = []
     for how, said in (
-        (BRIDGED, "a few at a time; the gaps are bridged"),
-        (CUT_OUT, "many at a time; what lies between the gaps is analysed"),
+        (UNEVEN, "taken early or late; all are taken at their times"),
+        (BRIDGED, "lost, a few at a time; the gaps are bridged"),
+        (CUT_OUT, "lost, many at a time; what lies between the gaps is analysed"),
     ):
         runs = _with(reduction, how)
         count = sum(reduction.repairs[n][how] for n in runs)
         if count:
             were = "was" if count == 1 else "were"
-            sentence = f"{_count(count, 'sample')} of {_count(len(runs), 'run')} {were} lost, {said}"
+            sentence = f"{_count(count, 'sample')} of {_count(len(runs), 'run')} {were} {said}"
             advice = "close other programs while you record, or lower the rate"
             names = tuple(reduction.runs[n][1] for n in runs)
-            result.append(
-                BenchFinding("lost_samples", "time", float(count), "samples", names, sentence, advice)
-            )
+            kind = "uneven_times" if how == UNEVEN else "lost_samples"
+            result.append(BenchFinding(kind, "time", float(count), "samples", names, sentence, advice))
     return result
 
 
@@ -195,7 +195,7 @@ def _held(reduction: Reduction) -> list[BenchFinding]:
 
 def _repaired(reduction: Reduction) -> list[str]:
     """Names under which samples of channels were counted that were put right."""
-    return sorted({name for found in reduction.repairs.values() for name in found} - {BRIDGED, CUT_OUT})
+    return sorted({name for found in reduction.repairs.values() for name in found} - {*OF_TIME})
 
 
 def _with(reduction: Reduction, channel: str) -> list[int]:

@@ -26,6 +26,7 @@ from fingerlab.diagnosis.settings import (
     HELD_SHARE,
     HELD_STEPS,
     LEAST_HELD,
+    LEAST_JITTER,
     LEAST_SPIKE,
     LEAST_SPIKE_LOCALLY,
     LONGEST_BRIDGE_S,
@@ -35,6 +36,8 @@ from fingerlab.diagnosis.settings import (
     NARROW_TAPS,
     PULSE_SAMPLES,
     SPIKE_NEIGHBOURS,
+    STRAIGHTER,
+    TOLD_JITTER,
     WIDE_CUTOFF_HZ,
     WIDE_RATE_HZ,
 )
@@ -45,8 +48,53 @@ BRIDGED = "time"
 CUT_OUT = "time, not bridged"
 """Under this one those of gaps too long for that, between which a run is analysed piece by piece."""
 
+UNEVEN = "time, uneven"
+"""Under this one those that came early or late, where all are taken at their times."""
+OF_TIME = (BRIDGED, CUT_OUT, UNEVEN)
 HELD = ", held"
 """Under a channel's name and this those are counted that only repeat the last reading."""
+
+
+def at_even_times(
+    samples: Mapping[str, Array], rate: float, lead: int
+) -> tuple[dict[str, Array], dict[str, int]]:
+    """The samples on an even grid of times, where they were not taken evenly; and how many that concerns.
+
+    Times that a log holds may be those at which a sample was taken, or at which a packet of them came. They
+    are believed where the motion runs straighter between its neighbours by them than by their numbers. Gaps
+    too long to be bridged stay.
+
+    Args:
+        samples: channels, ``motor_position`` among them, and their ``time`` (s), (n,) each.
+        rate: samples a second. lead: so many at the start are not counted.
+    """
+    time = samples["time"]
+    steps = np.diff(time) * rate
+    if not len(steps) or np.abs(steps - np.rint(steps)).mean() < LEAST_JITTER or (steps <= 0.0).any():
+        return dict(samples), {}
+    place = (time - time[0]) * rate
+    if not _straighter(samples["motor_position"], place):
+        return dict(samples), {}
+    every = np.arange(int(place[-1]) + 1)
+    gaps = np.rint(steps) > max(int(LONGEST_BRIDGE_S * rate), 1) + 1
+    cut = gaps[np.minimum(np.searchsorted(place, every, side="right") - 1, len(gaps) - 1)]
+    every, cut_out = every[~cut | np.isin(every, place)], int(cut.sum())
+    found = {name: np.interp(every, place, values) for name, values in samples.items()}
+    behind = place[place >= lead]
+    off = np.abs(behind - np.rint(behind)) > TOLD_JITTER
+    bridged_ones = int(np.count_nonzero(every >= lead)) - len(behind)
+    counts = {BRIDGED: max(bridged_ones, 0), UNEVEN: int(off.sum()), CUT_OUT: cut_out}
+    return found | {"time": time[0] + every / rate}, {name: count for name, count in counts.items() if count}
+
+
+def _straighter(position: Array, place: Array) -> bool:
+    """Whether a position lies straighter between its neighbours at its ``place`` than by its number, (n,)."""
+    bends = []
+    for x in (place, np.concatenate(([0.0], np.cumsum(np.maximum(np.rint(np.diff(place)), 1.0))))):
+        share = (x[1:-1] - x[:-2]) / (x[2:] - x[:-2])
+        line = position[:-2] + share * (position[2:] - position[:-2])
+        bends.append(float(np.abs(position[1:-1] - line).mean()))
+    return bends[0] < STRAIGHTER * bends[1]
 
 
 def bridged(samples: Mapping[str, Array], rate: float) -> tuple[dict[str, Array], int]:

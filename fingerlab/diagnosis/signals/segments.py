@@ -32,6 +32,7 @@ from fingerlab.diagnosis.settings import (
 from fingerlab.diagnosis.signals.conditions import BENCH_CHANNELS, CHANGE, FINGER_CHANNELS
 from fingerlab.diagnosis.signals.filters import (
     HELD,
+    at_even_times,
     at_wide_rate,
     between_readings,
     bridged,
@@ -104,8 +105,9 @@ def _without_gaps(run: Run, rig: Rig, start: int, stop: int, on_bench: bool, lea
     extra = "load_torque" if on_bench else "endpoint_force" if run.phase == "contact" else ""
     names += [extra] if run.has(extra) else []
     samples = run.load(["time", *names], start - lead, stop)  # the file is opened once
+    samples, uneven = at_even_times(samples, run.sample_rate_hz, lead)
     # What is missing before the start was counted with the stretch before this.
-    missing = lost(samples["time"][0 if anew else max(lead - 1, 0) :], run.sample_rate_hz)
+    missing = uneven or lost(samples["time"][0 if anew else max(lead - 1, 0) :], run.sample_rate_hz)
     samples = bridged(samples, run.sample_rate_hz)[0]
     for piece, its_lead in _whole(samples["time"], run.sample_rate_hz, lead):
         mine = {name: values[piece] for name, values in samples.items()}

@@ -19,6 +19,7 @@ from pathlib import Path
 import numba
 import numpy as np
 from click.testing import CliRunner
+from scipy.interpolate import CubicSpline
 from scipy.io import savemat
 
 from fingerlab.cli.main import cli
@@ -45,6 +46,7 @@ class Joint:
         step: of the encoder, torque_step, noise: of the torque as logged.
         sense: 1, or -1 where the encoder counts against the torque.
         held: after so many samples the encoder is read again.
+        jitter: by so much of a sample each comes early or late, and one in thirty not at all.
         truth: the effects that are in it; of those in braces any will do. inside: the same in words.
     """
 
@@ -73,6 +75,7 @@ class Joint:
     noise: float = 0.0
     sense: float = 1.0
     held: int = 1
+    jitter: float = 0.0
     linear: bool = False
     seed: int = 0
     truth: Sequence[frozenset[str]] = ()
@@ -154,6 +157,10 @@ def logged(joint: Joint) -> list[dict[str, Array]]:
         run = {"t": time, "q": position[k], "tau": torque[k]}
         if joint.loads and joint.told:
             run["load"] = load[k] + 0.3 * joint.noise * rng.standard_normal(len(time))
+        if joint.jitter:
+            taken = np.sort(time + joint.jitter / joint.rate * rng.standard_normal(len(time)))
+            taken = taken[rng.random(len(time)) > 1.0 / 30.0]
+            run = {name: CubicSpline(time, values)(taken) for name, values in run.items()} | {"t": taken}
         runs.append(run)
     return runs
 
@@ -327,6 +334,7 @@ MACHINES: Mapping[str, Joint] = {
         fourier(1.0, 0.15, 4, 5), 0.05, 0.8, 0.2, viscous=0.3, sense=-1.0, truth=(RUBS,), noise=0.02,
         inside="0.8 N m, 0.3 N m s/rad", step=1e-4, rate=500.0,
     ),
+    "ball screw, uneven times": replace(EMPS, jitter=0.25),
     "ball screw, read at 100 Hz": replace(EMPS, held=10),
     "shoulder, read at 100 Hz": replace(ARM, held=10),
     "plain, sums": Joint(fourier(1.0, 0.2, 4, 6), 0.05, noise=0.005, offset=0.02),
@@ -349,8 +357,11 @@ MACHINES: Mapping[str, Joint] = {
     "plain, sines": Joint(
         sines(0.6, (0.5, 1.0, 0.25, 0.7)), 0.01, noise=0.004, step=1e-4, rate=250.0, seconds=10.0
     ),
+    "plain, uneven times": Joint(
+        moves(0.5, 0.6, 2.0, (0.2, 0.2, 0.2)), 20.0, noise=0.5, step=1e-6, linear=True, jitter=0.25
+    ),
     "plain, read at 25 Hz": Joint(
         sines(0.6, (0.5, 1.0, 0.25, 0.7)), 0.01, noise=0.004, step=1e-4, rate=250.0, seconds=10.0, held=10
     ),
 }  # fmt: skip
-"""Of the kinds that are logged in public; the last eight have nothing that the model lacks."""
+"""Of the kinds that are logged in public; the last nine have nothing that the model lacks."""
