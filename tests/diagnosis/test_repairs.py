@@ -89,7 +89,8 @@ def test_samples_that_came_early_or_late_are_taken_at_their_times() -> None:
     # A line over 2.5 ms is off by at most an eighth of the square of that times the acceleration.
     most = 0.3 * (2 * np.pi) ** 2 + 0.05 * (14 * np.pi) ** 2
     assert np.abs(found["motor_position"] - at(found["time"])).max() <= 0.125 * 0.0025**2 * most
-    assert counts["time, uneven"] == pytest.approx(0.69 * len(TIME), rel=0.05)  # beyond 0.4 deviations
+    # Beyond 0.4 deviations of the first sample's grid: 69 % of it in time, 80 % of it half late.
+    assert 0.68 < counts["time, uneven"] / len(TIME) < 0.81
     assert counts["time, not bridged"] == pytest.approx(50, abs=2)
 
 
