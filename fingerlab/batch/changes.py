@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fingerlab.batch.laws import Course, Estimate, course
-from fingerlab.batch.settings import MOSTLY, TOLD
+from fingerlab.batch.settings import MOSTLY, PROBABLE
 from fingerlab.batch.strengths import (
     effect_of,
     found_effects,
@@ -189,7 +189,7 @@ def changes(
     days, effects = days_of(usable), found_effects(usable)
     prior = one_of_many(len(course_columns(usable)) + len(effects))
     told = courses(rows, units) if known is None else known
-    found = [_of_column(usable, one) for one in told if one.course.step >= TOLD]
+    found = [_of_column(usable, one) for one in told if one.course.step >= PROBABLE]
     found += [c for effect in effects if (c := _of_effect(usable, days, effect, prior)) is not None]
     moments: dict[str, list[BenchChange]] = {}
     for change in found:
@@ -206,7 +206,7 @@ def beside(known: Sequence[NumberCourse], found: Sequence[BenchChange]) -> list[
         for one in known
         if not one.leans_on
         and one.column not in columns
-        and not (one.effect in effects and one.course.step >= TOLD)
+        and not (one.effect in effects and one.course.step >= PROBABLE)
     ]
 
 
@@ -237,7 +237,7 @@ def _named(together: Sequence[BenchChange]) -> BenchChange:
 def _of_effect(rows: Sequence[Row], days: Array, effect: str, prior: float) -> BenchChange | None:
     found = [effect in model_of(row) for row in rows]
     weighed = weigh_found(days, found, prior)
-    if weighed is None or weighed.step < TOLD:
+    if weighed is None or weighed.step < PROBABLE:
         return None
     k = weighed.place
     counts = (sum(found[:k]), k, sum(found[k:]), len(found) - k)

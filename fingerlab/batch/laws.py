@@ -19,19 +19,19 @@ import numpy as np
 from fingerlab.batch.settings import (
     BARELY,
     BEYOND,
+    CERTAIN_AT_ENDS,
     KINDS,
     LEAST_SCATTER,
     LEAST_SESSIONS,
     LEVEL,
     PAUSE_H,
+    PROBABLE,
     SCATTER,
     SCATTERS,
     SETTLING_SHARES,
     SHARED,
     SIZES,
     STEPS,
-    TOLD,
-    TOLD_AT_ENDS,
     WARMING_MIN,
     WITHIN,
 )
@@ -139,13 +139,13 @@ class Course:
         return likeliest(self.chances)[0]
 
     @property
-    def told(self) -> str:
+    def verdict(self) -> str:
         """What may be said: :attr:`kind`, or "open", where no kind is likelier than all others together, or
         where it is likeliest steady and the sessions hardly speak for it."""
         kinds = likeliest(self.chances)
         if kinds == ("steady",):
             return "steady" if self.learned < 1.0 / BARELY else "open"
-        return kinds[0] if self.certain >= (TOLD_AT_ENDS if self.at_end else TOLD) else "open"
+        return kinds[0] if self.certain >= (CERTAIN_AT_ENDS if self.at_end else PROBABLE) else "open"
 
     @property
     def at_end(self) -> bool:
@@ -157,7 +157,7 @@ class Course:
     @property
     def moment(self) -> bool:
         """Whether what may be said is that it changed at one moment."""
-        return self.told in STEPS
+        return self.verdict in STEPS
 
     @property
     def certain(self) -> float:

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 
 LEAST_SESSIONS = 3
 """Fewer have no course: two levels are all that two sessions can show."""
-TOLD = 0.5
+PROBABLE = 0.5
 """From this probability on a change is named: it is likelier than everything else together."""
-TOLD_AT_ENDS = 0.8
+CERTAIN_AT_ENDS = 0.8
 """... and from this one on where the first or the last session alone is otherwise: a step and a session that
 went wrong are then the same numbers, and what tells them apart is assumed; assumed."""
 BARELY = 3.0

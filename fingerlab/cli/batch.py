@@ -17,7 +17,7 @@ from rich.text import Text
 from fingerlab.batch.benches import BenchSessions, SharedEffect, shared_effects, two_groups
 from fingerlab.batch.changes import BenchChange, NumberCourse, beside, changes, courses
 from fingerlab.batch.run import BatchResult, locally, on_dask, run_batch
-from fingerlab.batch.settings import TOLD
+from fingerlab.batch.settings import PROBABLE
 from fingerlab.batch.table import LEAST_TIMES, Contents, Options, Row, Trend, ageing_rows, recorded_at, trends
 from fingerlab.cli.common import (
     NEW_FILE,
@@ -44,7 +44,7 @@ from fingerlab.report.time_words import (
     shared_sentence,
 )
 
-TOLD_FAILURES = 5
+MOST_LISTED = 5
 """Failed sessions that are told one by one; the rest are in the table."""
 
 
@@ -172,10 +172,10 @@ def _tell(result: BatchResult, out: Path) -> None:
     if result.failed:
         count = len(result.failed)
         click.echo(f"{counted(count, 'session')} could not be diagnosed:", err=True)
-        for row in result.failed[:TOLD_FAILURES]:
+        for row in result.failed[:MOST_LISTED]:
             click.echo(f"  {row['session']}: {row['error']}", err=True)
-        if count > TOLD_FAILURES:
-            click.echo(f"  and {count - TOLD_FAILURES} more; the table's column 'error' says why.", err=True)
+        if count > MOST_LISTED:
+            click.echo(f"  and {count - MOST_LISTED} more; the table's column 'error' says why.", err=True)
 
 
 def _batch_json(
@@ -283,10 +283,10 @@ def _print_story(console: Console, story: _Story) -> None:
         console.print(Text(f"\n{change_sentence(change)}"))
     rest = beside(story.courses, story.changes)
     for one in rest:
-        if one.course.chances["steady"] < TOLD:
+        if one.course.chances["steady"] < PROBABLE:
             console.print(Text(f"\n{course_sentence(one)}"))
-    steady = sum(one.course.told == "steady" for one in rest)
-    unsure = sum(one.course.told == "open" and one.course.chances["steady"] >= TOLD for one in rest)
+    steady = sum(one.course.verdict == "steady" for one in rest)
+    unsure = sum(one.course.verdict == "open" and one.course.chances["steady"] >= PROBABLE for one in rest)
     if rest:
         said = f"{counted(steady, 'number')} stayed as {'it was' if steady == 1 else 'they were'}"
         more = f"; of {unsure} the sessions hardly tell" if unsure else ""

@@ -32,7 +32,7 @@ from fingerlab.rig.file import CONSTANT_UNITS, Finger, Motor, Rig, default_rig, 
 from fingerlab.sessions import CheckReport, Session, check_session, open_session
 from fingerlab.sessions.model import CABLES, PHASES
 from fingerlab.sessions.recording_files import CLEAN
-from fingerlab.sessions.trajectory import run_told
+from fingerlab.sessions.trajectory import motion_of_run
 
 if TYPE_CHECKING:
     from fingerlab.sessions.importing import ImportPlan, TextRun
@@ -347,7 +347,7 @@ def _runs_table(session: Session, report: CheckReport) -> Table:
     )
     gaps = {check.run: check.gaps for check in report.runs}
     for run in session.runs:
-        words = run_told(run)
+        words = motion_of_run(run)
         if tuple(run.units) != usual:
             words += f"; channels {', '.join(run.units)}"
         table.add_row(

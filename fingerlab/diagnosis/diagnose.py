@@ -270,7 +270,7 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
         set=tuple(evidence.candidates[i].last_effect.id for i in chosen),
         path=steps,
         final_model=tuple(path[-1].effect_ids),
-        next_experiment=None if following is None else following.told,
+        next_experiment=None if following is None else following.proposal,
         seconds=time.perf_counter() - started,
         probability_nothing=told[NOTHING],
         probability_unknown=told[UNKNOWN],

@@ -69,7 +69,7 @@ LEAST_JITTER = 0.01
 STRAIGHTER = 0.98
 """Where its times are true a motion bends by less than this share of what it does by number; assumed: an
 encoder's noise makes it 1, and then nothing is gained by them."""
-TOLD_JITTER = 0.1
+REPORTED_JITTER = 0.1
 """A sample that is off its time by more than this share of a sample came early or late; assumed."""
 LEAST_SPIKE = 12.0
 """A spike is off by so many times what a channel bends by from sample to sample, or its step; in recordings
@@ -248,11 +248,11 @@ about 10."""
 LEAST_SHARE_OF_CONSTANTS = 0.02
 """... and every kind of channel must bring this share of the gain: a spring that is stiffer than its nominal
 constant by a fifth makes an angle's zero look a little like the motor's; assumed."""
-TOLD_OFFSET = 3.0
+REPORTED_OFFSET = 3.0
 """A zero is said to move that moves by so many times what it is known to; assumed."""
-TOLD_SHARE = 0.4
+REPORTED_SHARE = 0.4
 """... and by this share of what the zero that moves most does; assumed."""
-TOLD_SKEW_S = 4e-4
+REPORTED_SKEW_S = 4e-4
 """From here on a skew between the channels is told, s: friction that no model holds makes 0.3 ms of it."""
 SPREADS = (1e-5, 0.5)
 """Between these a spread is sought: from half a thousandth of a degree to half a turn's sixth, and in N m on

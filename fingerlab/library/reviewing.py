@@ -20,7 +20,7 @@ from fingerlab.core.errors import Cancelled, UserError
 from fingerlab.core.plain_data import parsed
 from fingerlab.sessions.model import CHANNEL_UNITS, RATE_TOLERANCE, Array, Run
 from fingerlab.sessions.reading import open_session
-from fingerlab.sessions.trajectory import told_frequency
+from fingerlab.sessions.trajectory import commanded_frequency
 
 BASE = 128
 FACTOR = 4
@@ -306,7 +306,7 @@ class Cycles:
 
 def period_of(run: Run) -> float | None:
     """Length of one stroke, s, as the trajectory tells it; None where the motion does not repeat so."""
-    frequency = told_frequency(run)
+    frequency = commanded_frequency(run)
     return None if frequency is None else 1.0 / frequency
 
 

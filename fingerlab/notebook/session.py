@@ -148,13 +148,13 @@ class RunView(Displayed):
 
     def _parts(self) -> Sequence[Displayable]:
         from fingerlab.report.diagnosis_words import PHASE_WORDS
-        from fingerlab.sessions.trajectory import run_told
+        from fingerlab.sessions.trajectory import motion_of_run
 
         run = self.run
         cable = "no cable" if run.cable == "none" else f"{run.cable} cable"
         line = (
             f"run {run.name}: {PHASE_WORDS.get(run.phase, run.phase)}, {cable}, "
-            f"{run_told(run)}; {run.seconds:.1f} s at {run.sample_rate_hz:g} Hz"
+            f"{motion_of_run(run)}; {run.seconds:.1f} s at {run.sample_rate_hz:g} Hz"
         )
         return (line, ShownTable(("channel", "unit"), list(run.units.items())))
 

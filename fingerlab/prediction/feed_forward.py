@@ -215,14 +215,14 @@ class Feed:
 
     Attributes:
         model: ``NOMINAL`` or ``FOUND``.
-        foretold_rms: force error that the found model foretells, with its own error on held-out runs, N; NaN
+        predicted_rms: force error that the found model foretells, with its own error on held-out runs, N; NaN
             where that is unknown.
         correction: most by which the torque leaves the nominal one, N m.
     """
 
     model: str
     plan: TorquePlan
-    foretold_rms: float
+    predicted_rms: float
     correction: float
 
 
@@ -256,7 +256,7 @@ def learned_plan(
     return judged_plan(wanted, pose, rig, torque, half_width, motion, variant.band)
 
 
-def foretold_mean(variant: Variant, plan: TorquePlan, run: Run, rig: Rig, where: str) -> float:
+def predicted_mean(variant: Variant, plan: TorquePlan, run: Run, rig: Rig, where: str) -> float:
     """Mean force that a variant foretells of the torque that was sent in ``run``, along its motion, N."""
     return float(np.mean(Along(variant, plan.wanted, run, rig, where).force(plan.torque)))
 

@@ -85,7 +85,7 @@ class TrialRun:
     run: str
     model: str
     error: ForceError
-    foretold_rms: float
+    predicted_rms: float
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,7 @@ class ModelForce:
 
     Attributes:
         rms, peak: N, over the runs; ``peak`` is the mean of the runs' largest errors.
-        foretold_rms: N.
+        predicted_rms: N.
         repeatability: rms of the runs about their mean, N: what no feed-forward can take away.
         parts: share of the squared error by cause, together 1.
     """
@@ -103,7 +103,7 @@ class ModelForce:
     runs: tuple[TrialRun, ...]
     rms: float
     peak: float
-    foretold_rms: float
+    predicted_rms: float
     repeatability: float
     parts: Mapping[str, float]
 
@@ -124,7 +124,7 @@ class Trial:
         model_file, effects: of the model. nominal, found: the latter None where one model was sent, either.
         ratio: force error (rms) of the found model over the nominal one's; NaN without both.
         low, high: its 90 % interval; NaN with fewer than two pairs.
-        foretold_ratio: as the found model foretold it.
+        predicted_ratio: as the found model foretold it.
         found_share: how far from the nominal torque to the found one was gone, 0 to 1; NaN without either.
     """
 
@@ -135,7 +135,7 @@ class Trial:
     ratio: float
     low: float
     high: float
-    foretold_ratio: float
+    predicted_ratio: float
     found_share: float = math.nan
 
 
@@ -160,7 +160,7 @@ def analyse_trial(session: Session) -> Trial:
     nominal, found = (_together(name, mine) if mine else None for name, mine in by_model.items())
     ratio = foretold = low = high = math.nan
     if nominal is not None and found is not None:
-        ratio, foretold = found.rms / nominal.rms, found.foretold_rms / nominal.foretold_rms
+        ratio, foretold = found.rms / nominal.rms, found.predicted_rms / nominal.predicted_rms
         pairs = min(len(nominal.runs), len(found.runs))
         low, high = _interval(
             [run.error.rms for run in nominal.runs[:pairs]], [run.error.rms for run in found.runs[:pairs]]
@@ -209,7 +209,7 @@ def _together(name: str, runs: Sequence[TrialRun]) -> ModelForce:
     of_scatter = float((scatter**2).sum() / length / (len(runs) - 1)) if len(runs) > 1 else 0.0
     parts = _parts(errors.mean(axis=0), runs[0].error.wanted[:length], of_scatter, len(runs))
     peak = float(np.mean([run.error.peak for run in runs]))
-    return ModelForce(name, tuple(runs), rms, peak, runs[0].foretold_rms, math.sqrt(of_scatter), parts)
+    return ModelForce(name, tuple(runs), rms, peak, runs[0].predicted_rms, math.sqrt(of_scatter), parts)
 
 
 STEEP = 4.0
@@ -285,7 +285,7 @@ def trial_json(trial: Trial) -> dict[str, Any]:
         if model is None:
             return None
         return {
-            "rms": model.rms, "peak": model.peak, "foretold_rms": model.foretold_rms,
+            "rms": model.rms, "peak": model.peak, "foretold_rms": model.predicted_rms,
             "repeatability": model.repeatability, "parts": dict(model.parts),
             "by_run": [{"run": r.run, "rms": r.error.rms, "peak": r.error.peak} for r in model.runs],
         }  # fmt: skip
@@ -295,5 +295,5 @@ def trial_json(trial: Trial) -> dict[str, Any]:
         "schema": 1, "model": trial.model_file, "effects": list(trial.effects), "unit": "N",
         "nominal": of(trial.nominal), "found": of(trial.found),
         "found_share": trial.found_share,
-        "ratio": {"value": trial.ratio, "interval": interval, "foretold": trial.foretold_ratio},
+        "ratio": {"value": trial.ratio, "interval": interval, "foretold": trial.predicted_ratio},
     }  # fmt: skip

@@ -39,7 +39,7 @@ UNEXPLAINED = 1.25
 NEARLY_AS_LIKELY = 1.1
 """Log odds (three to one) below which "True" is not said of one of two models; assumed."""
 
-TOLD = 3.0
+CLEARLY_BETTER = 3.0
 """Log odds (twenty to one) from which on one model is told from another without a further recording."""
 
 IMPROBABLE = 0.01
@@ -187,7 +187,7 @@ def _verdict_sentence(diagnosis: Diagnosis) -> str:
             f"and none of the {len(diagnosis.candidates)} effects tried explains it."
         )
     best = shown_best_first(diagnosis)[0]
-    several = len(not_told_apart(diagnosis)) > 1
+    several = len(indistinguishable(diagnosis)) > 1
     fall = (
         f"with {'the first of them' if several else 'it'} the error on {judged_on(diagnosis)} falls "
         f"from {score} to {score_text(best.score)} times {_floor(diagnosis)}"
@@ -203,7 +203,7 @@ def _verdict_sentence(diagnosis: Diagnosis) -> str:
     return f"{title[:1].upper()}{title[1:]} is missing from {model} ({chance} probable): {fall}."
 
 
-def not_told_apart(diagnosis: Diagnosis) -> tuple[str, ...]:
+def indistinguishable(diagnosis: Diagnosis) -> tuple[str, ...]:
     """Of the effects that cannot be ruled out, the likeliest and those that are not improbable beside it."""
     sure = {one.effect: one.probability for one in diagnosis.candidates}
     return tuple(name for k, name in enumerate(diagnosis.set) if k == 0 or sure.get(name, 1.0) >= IMPROBABLE)
@@ -211,7 +211,7 @@ def not_told_apart(diagnosis: Diagnosis) -> tuple[str, ...]:
 
 def improbable_rivals(diagnosis: Diagnosis) -> tuple[str, ...]:
     """Effects that cannot be ruled out although they are improbable beside the others of the set."""
-    return tuple(name for name in diagnosis.set if name not in not_told_apart(diagnosis))
+    return tuple(name for name in diagnosis.set if name not in indistinguishable(diagnosis))
 
 
 def holds(diagnosis: Diagnosis) -> bool:
@@ -277,7 +277,7 @@ def set_sentence(diagnosis: Diagnosis) -> str:
     if diagnosis.set and diagnosis.verdict == "not_in_catalogue":
         return f"Stronger than is thought possible, it could still be one of these: {_names(diagnosis.set)}."
     besides = _outcomes_left_open(diagnosis)
-    alike, others = not_told_apart(diagnosis), improbable_rivals(diagnosis)
+    alike, others = indistinguishable(diagnosis), improbable_rivals(diagnosis)
     if len(diagnosis.set) > 1:
         text = f"These data cannot tell apart {_names(alike)}." if len(alike) > 1 else ""
         if others:
@@ -398,7 +398,7 @@ def next_experiment_words(diagnosis: Diagnosis) -> str:
         return sentence
     if diagnosis.verdict == "nothing_missing" and not not_shown(diagnosis):
         return "No further recording is called for."
-    told = diagnosis.better is None or diagnosis.better.log_odds > TOLD
+    told = diagnosis.better is None or diagnosis.better.log_odds > CLEARLY_BETTER
     if diagnosis.verdict == "missing_effect" and len(diagnosis.set) < 2 and told:
         return "No further recording is needed to tell what is missing."
     return "No recording is known that would tell more."

@@ -40,7 +40,7 @@ from fingerlab.report.parameter_words import parameter_title, parameter_titles
 from fingerlab.rig.file import CONSTANT_UNITS, Finger, Motor, changed_words, sources_of
 from fingerlab.sessions import content_hash
 from fingerlab.sessions.model import Run, Session
-from fingerlab.sessions.trajectory import run_told
+from fingerlab.sessions.trajectory import motion_of_run
 
 if TYPE_CHECKING:
     from fingerlab.prediction.comparing import ComparedModel, ModelComparison
@@ -192,7 +192,7 @@ def _run_row(block: Sequence[Run]) -> RunRow:
     seconds = f"{len(block)} × {first.seconds:.1f}" if len(block) > 1 else f"{first.seconds:.1f}"
     cable = "–" if first.cable == "none" else first.cable
     phase = PHASE_WORDS.get(first.phase, first.phase)
-    words = run_told(first)
+    words = motion_of_run(first)
     return RunRow(names, len(block), phase, cable, words, seconds, f"{first.sample_rate_hz:g}")
 
 

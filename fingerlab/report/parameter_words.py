@@ -143,7 +143,7 @@ def known_by(one: FittedParameter) -> str:
     if one.held:
         return "held by hand"
     end = "; at its bound" if at_bound(one) else ""
-    if one.told:
+    if one.identified:
         return ("fitted here" if not one.spread else f"fitted here, before: {one.source}") + end
     return f"{one.source}; these runs hardly tell{end}"
 

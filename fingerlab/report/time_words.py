@@ -45,7 +45,7 @@ LEAST_PLACE = 0.01
 
 def course_sentence(one: NumberCourse) -> str:
     """What became of a number, as what that reads, and how sure it is."""
-    told, title = one.course.told, column_words(one.column)
+    told, title = one.course.verdict, column_words(one.column)
     sure = f"Probability {percent(one.course.certain)}."
     if told == "open":
         return _open(one, title)
@@ -146,7 +146,7 @@ def course_json(one: NumberCourse) -> dict[str, Any]:
         "effect": one.effect,
         "leans_on": list(one.leans_on),
         "sessions": list(one.names),
-        "told": course.told,
+        "told": course.verdict,
         "kind": course.kind,
         "probability": course.certain,
         "chances": dict(course.chances),
@@ -243,7 +243,7 @@ def courses_csv(benches: Sequence[tuple[str, Sequence[NumberCourse]]]) -> str:
             moment = [place, f"{float(course.places[course.place]):.4f}"]
             numbers = [n for r in (course.first, course.last, course.size) for n in _numbers(one.estimate(r))]
             rows.append(
-                [name, one.column, one.unit, len(one.names), course.told, *chances, *moment, *numbers]
+                [name, one.column, one.unit, len(one.names), course.verdict, *chances, *moment, *numbers]
             )
     return _csv([*head, *ends], rows)
 

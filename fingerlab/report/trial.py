@@ -40,14 +40,14 @@ def result_sentences(trial: Trial) -> tuple[str, ...]:
     """All that a trial shows: how far the error fell, what was foretold, and what each model leaves."""
     models = [one for one in (trial.nominal, trial.found) if one is not None]
     told = (
-        trial_sentence(trial), share_sentence(trial), foretold_sentence(trial), *map(rest_sentence, models)
+        trial_sentence(trial), share_sentence(trial), predicted_sentence(trial), *map(rest_sentence, models)
     )  # fmt: skip
     return tuple(sentence for sentence in told if sentence)
 
 
 def trial_row(model: ModelForce) -> tuple[str, ...]:
     """One model in a table: name, runs, error, foretold, largest, run to run (mN), then each cause (%)."""
-    foretold = number(1e3 * model.foretold_rms, 1) if math.isfinite(model.foretold_rms) else "–"
+    foretold = number(1e3 * model.predicted_rms, 1) if math.isfinite(model.predicted_rms) else "–"
     repeats = number(1e3 * model.repeatability, 1) if len(model.runs) > 1 else "–"
     error, peak = (number(1e3 * value, 1) for value in (model.rms, model.peak))
     causes = (number(100.0 * model.parts[cause], 0) for cause in CAUSES)
@@ -60,13 +60,13 @@ def _interval(trial: Trial) -> str:
     return f" (90 % interval {100 * trial.low:.0f} to {100 * trial.high:.0f} %)"
 
 
-def foretold_sentence(trial: Trial) -> str:
+def predicted_sentence(trial: Trial) -> str:
     """What the found model had foretold of it; empty where it foretold nothing."""
-    if not math.isfinite(trial.foretold_ratio) or trial.nominal is None or trial.found is None:
+    if not math.isfinite(trial.predicted_ratio) or trial.nominal is None or trial.found is None:
         return ""
     return (
-        f"The found model had foretold {_mn(trial.nominal.foretold_rms)} with the nominal torque and "
-        f"{_mn(trial.found.foretold_rms)} with its own: {100 * trial.foretold_ratio:.0f} %."
+        f"The found model had foretold {_mn(trial.nominal.predicted_rms)} with the nominal torque and "
+        f"{_mn(trial.found.predicted_rms)} with its own: {100 * trial.predicted_ratio:.0f} %."
     )
 
 

@@ -41,7 +41,7 @@ def named_frequency(run: Run) -> float:
     return float(value)
 
 
-def told_frequency(run: Run) -> float | None:
+def commanded_frequency(run: Run) -> float | None:
     """Cycles a second of a run that was told a sine, Hz; None: it was not, or does not say."""
     named = named_frequency(run)
     return named if run.trajectory.get("kind") == "sine" and named > 0 else None
@@ -161,7 +161,7 @@ def trajectory_words(trajectory: Mapping[str, Any]) -> str:
     return words
 
 
-def run_told(run: Run) -> str:
+def motion_of_run(run: Run) -> str:
     """What the motor was told to do in a run, and what of the machine was changed for it."""
     return ", ".join(filter(None, (trajectory_words(run.trajectory), changed_words(run.attributes))))
 

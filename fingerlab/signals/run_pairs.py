@@ -16,7 +16,7 @@ import numpy as np
 from fingerlab.core.errors import UserError
 from fingerlab.core.progress import SILENT, Watch
 from fingerlab.sessions.model import CHANNEL_UNITS, Array, Run, Session
-from fingerlab.sessions.trajectory import told_frequency
+from fingerlab.sessions.trajectory import commanded_frequency
 from fingerlab.signals.periods import period_grid, settles, usable
 
 POINTS = 200
@@ -167,7 +167,7 @@ def _folded(
     run: Run, samples: Mapping[str, Array], names: Sequence[str]
 ) -> tuple[dict[str, Array], float, float] | None:
     """Cycles of every channel, (cycles, POINTS); where their phase begins, in cycles; the period, s."""
-    frequency = told_frequency(run)
+    frequency = commanded_frequency(run)
     grid = None if frequency is None else period_grid(run.length, run.sample_rate_hz, frequency)
     if frequency is None or grid is None or not settles(samples["motor_position"], grid):
         return None

@@ -196,5 +196,5 @@ def test_the_other_joint_of_an_effect_that_came_is_part_of_the_same_change() -> 
     ]
     found, told = changes(rows, UNITS), courses(rows, UNITS)
     assert [change.kind for change in found] == ["new"]
-    assert [one.course.told for one in told if one.effect == "coulomb_friction"] == ["new", "new"]
+    assert [one.course.verdict for one in told if one.effect == "coulomb_friction"] == ["new", "new"]
     assert beside(told, found) == []

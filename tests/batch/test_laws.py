@@ -69,30 +69,30 @@ def test_the_evidence_is_that_of_a_numerical_integration(monkeypatch: pytest.Mon
 
 def test_each_law_is_told_where_it_is() -> None:
     at = np.arange(8)
-    assert told(2.0 + noise(1)).told in ("steady", "open")
+    assert told(2.0 + noise(1)).verdict in ("steady", "open")
     step = told(2.0 + (at >= 3) + noise(2))
-    assert (step.told, step.place) == ("step", 3)
+    assert (step.verdict, step.place) == ("step", 3)
     new = told((at >= 5) + noise(3), absent=True)
-    assert (new.told, new.place, new.first.value) == ("new", 5, 0.0)
+    assert (new.verdict, new.place, new.first.value) == ("new", 5, 0.0)
     gone = told(1.0 * (at < 4) + noise(4), absent=True)
-    assert (gone.told, gone.place, gone.last.value) == ("gone", 4, 0.0)
-    assert told(2.0 + at / 7.0 + noise(5)).told == "wear"
-    assert told(2.0 - np.exp(-at / 1.2) + noise(6)).told == "settling"
+    assert (gone.verdict, gone.place, gone.last.value) == ("gone", 4, 0.0)
+    assert told(2.0 + at / 7.0 + noise(5)).verdict == "wear"
+    assert told(2.0 - np.exp(-at / 1.2) + noise(6)).verdict == "settling"
     odd = told(2.0 + (at == 4) + noise(7))
-    assert (odd.told, int(np.argmax(odd.odd))) == ("odd", 4)
+    assert (odd.verdict, int(np.argmax(odd.odd))) == ("odd", 4)
 
 
 def test_what_comes_back_after_a_pause_is_temperature_and_not_wear() -> None:
     warm = 1.0 - np.exp(-(SITTINGS % 3.0) * 1440.0 / 30.0)
     found = told(2.0 + warm + noise(12), SITTINGS)
-    assert found.told == "warm_up"
+    assert found.verdict == "warm_up"
     assert found.size.low <= warm.max() <= found.size.high
     assert told(2.0 + warm + noise(8)).chances["warm_up"] == 0.0  # a day between sessions: nothing stays warm
 
 
 def test_a_last_session_that_is_otherwise_cannot_be_told_from_one_that_went_wrong() -> None:
     found = told(2.0 + (np.arange(8) == 7) + noise(9))
-    assert found.told == "open"
+    assert found.verdict == "open"
     assert found.chances["steady"] < 0.1
     assert found.step == pytest.approx(found.chances["odd"], rel=0.5)
 
@@ -103,7 +103,7 @@ def test_three_or_four_sessions_tell_nothing(values: list[float]) -> None:
         np.arange(float(len(values))), np.array(values), np.full(len(values), 0.1), Prior(0.0, 1.0)
     )
     assert found is not None
-    assert found.told == "open"
+    assert found.verdict == "open"
 
 
 def test_nine_intervals_in_ten_hold_the_size() -> None:
@@ -111,7 +111,7 @@ def test_nine_intervals_in_ten_hold_the_size() -> None:
     for _ in range(150):
         values = 2.0 + 0.5 * (WEEK >= 4) + 0.05 * rng.standard_normal(8)
         found = told(values)
-        if found.told == "step":
+        if found.verdict == "step":
             told_as_step += 1
             inside += found.size.low <= 0.5 <= found.size.high
     assert told_as_step > 120
@@ -121,7 +121,7 @@ def test_nine_intervals_in_ten_hold_the_size() -> None:
 def test_what_all_sessions_have_in_common_moves_the_level_and_not_the_step() -> None:
     """Sessions that scatter far less than their intervals: the level stays as uncertain as these."""
     found = told(2.0 + (WEEK >= 4) + 0.1 * noise(11), error=0.2)
-    assert found.told == "step"
+    assert found.verdict == "step"
     assert found.first.high - found.first.low > 0.4
     assert found.size.high - found.size.low < 0.2
 

@@ -13,7 +13,7 @@ import pytest
 
 from fingerlab.diagnosis import diagnose
 from fingerlab.diagnosis.gram.run_sums import sums_of_difference
-from fingerlab.diagnosis.signals.conditions import changed_pairs, with_changes_told
+from fingerlab.diagnosis.signals.conditions import changed_pairs, with_interventions
 from fingerlab.report.diagnosis_words import next_experiment_sentence, paired_sentence
 from fingerlab.rig.file import Intervention
 from fingerlab.sessions.model import Run, Session
@@ -127,7 +127,7 @@ def test_what_only_a_left_out_run_could_tell_is_no_error(plain: Session) -> None
 
 
 def test_sessions_without_a_change_are_left_as_they_are(plain: Session) -> None:
-    assert with_changes_told([plain])[0] is plain
+    assert with_interventions([plain])[0] is plain
     assert changed_pairs(plain.runs) == []
     said = diagnose([plain], with_curves=False)
     assert said.paired == ()

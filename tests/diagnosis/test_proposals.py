@@ -206,7 +206,7 @@ def test_a_proposal_can_be_run_and_names_what_it_separates(
     session, scorer, evidence = judged
     found = propose([session], scorer, evidence, [index(evidence, n) for n in pair], USUAL)
     assert found is not None
-    proposal = found.told
+    proposal = found.proposal
     assert proposal["separates"] == list(pair)
     assert np.isfinite(proposal["expected_separation"])
     assert proposal["expected_separation"] > 0
@@ -230,7 +230,7 @@ def test_a_wider_set_of_speeds_separates_viscous_from_coulomb(
     pair = [index(evidence, n) for n in ("viscous_friction", "coulomb_friction")]
     found = propose([session], scorer, evidence, pair, USUAL)
     assert found is not None
-    proposal = found.told
+    proposal = found.proposal
     assert proposal["trajectory"]["frequency_hz"] != 0.2 or proposal["trajectory"]["kind"] != "sine"
 
 

@@ -59,11 +59,11 @@ def judged(case: Changing) -> Entry:
         "end": case.kind in (*STEPS, "odd") and _at_end(case),
         "right": _is_it(top, case),
         "first": max(changes, key=lambda kind: changes[kind]),
-        "told": course.told,
+        "told": course.verdict,
         "chance": course.certain,
         "at": course.place,
         "covered": course.size.low <= case.size <= course.size.high,
-        "alarms": [one.course.told for one in told if one.course.told not in ("steady", "open")],
+        "alarms": [one.course.verdict for one in told if one.course.verdict not in ("steady", "open")],
     }
 
 

@@ -205,7 +205,7 @@ class PlotToolbar(QWidget):
         self.hold.toggled.connect(self._on_hold)
         self.cursors.toggled.connect(plots.show_cursors)
         plots.held_changed.connect(self._on_held)
-        plots.cursors_told.connect(self._tell)
+        plots.cursors_moved.connect(self._tell)
         self.model.activated.connect(lambda: self.model_chosen.emit(str(self.model.currentData())))
 
     def show_model(self, key: str, path: Path | None = None) -> None:

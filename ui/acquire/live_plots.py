@@ -41,7 +41,7 @@ class LivePlots(QWidget):
     """Signals: held_changed(on); cursors_told(times, differences, values): empty for no cursors."""
 
     held_changed = Signal(bool)
-    cursors_told = Signal(str, str, str)
+    cursors_moved = Signal(str, str, str)
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -276,7 +276,7 @@ class LivePlots(QWidget):
 
     def _tell_cursors(self) -> None:
         if self._cursors is None or self.history is None:
-            self.cursors_told.emit("", "", "")
+            self.cursors_moved.emit("", "", "")
             return
         a, b = self._cursors
         times = f"A {a:.3f} s, B {b:.3f} s, B − A: {b - a:+.3f} s"
@@ -291,7 +291,7 @@ class LivePlots(QWidget):
                     title = quantity.title if quantity.title.isupper() else quantity.title.lower()
                     differences.append(f"{title} {quantity.text(at[1] - at[0])}")
         told = (times, f"B − A: {', '.join(differences)}", "\n".join(values))
-        self.cursors_told.emit(*(with_minus(text) for text in told))
+        self.cursors_moved.emit(*(with_minus(text) for text in told))
 
 
 def last_crossing(history: LiveHistory, trigger: Trigger, before: int) -> int | None:

@@ -87,7 +87,7 @@ class ProtocolRun(QObject):
             attributes: of the session, beside the usual ones.
         """
         recording = self._recording
-        info = recording.told_info(title or "protocol")
+        info = recording.described_info(title or "protocol")
         if info is None:
             return False
         info = replace(info, attributes={**info.attributes, **(attributes or {})})

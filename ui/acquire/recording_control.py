@@ -295,7 +295,7 @@ class RecordingControl(QObject):
 
     def record(self, trajectory: Mapping[str, Any], before_s: float) -> None:
         """Begin a run, ``before_s`` seconds ago; a session is opened where none is."""
-        info = self.told_info() if self.session is None else None
+        info = self.described_info() if self.session is None else None
         if self.session is None and info is None:
             return
         set_up = self.controller.set_up
@@ -429,7 +429,7 @@ class RecordingControl(QObject):
         self.controller.context.tell(failure.sentence, failure.details)
         self.changed.emit()
 
-    def told_info(self, what: str = "") -> SessionInfo | None:
+    def described_info(self, what: str = "") -> SessionInfo | None:
         """What the session to come says of itself; None where its place is impossible, which is told."""
         try:
             return self._info(what)

@@ -247,7 +247,7 @@ class ApplicationContext(QObject):
         stop_asked: STOP or Escape; whoever drives a motor stops it now.
         tab_asked(key): a tab is wanted at the front. open_asked: the dialog that opens a session is wanted.
         commands_changed: what can be done has changed; menus look again.
-        told(sentence, details): something is wrong, or is to be seen to.
+        warned(sentence, details): something is wrong, or is to be seen to.
         announced(sentence, path): something was done, and what was written by it, if anything.
         said(line): a line for the status bar and the log.
         logged(line): a line of the log, with its time.
@@ -264,7 +264,7 @@ class ApplicationContext(QObject):
     tab_asked = Signal(str)
     open_asked = Signal()
     commands_changed = Signal()
-    told = Signal(str, str)
+    warned = Signal(str, str)
     announced = Signal(str, object)
     said = Signal(str)
     logged = Signal(str)
@@ -374,7 +374,7 @@ class ApplicationContext(QObject):
     def tell(self, sentence: str, details: str = "") -> None:
         """Show a sentence across the window; with details it can be copied whole for a report."""
         self._note(sentence)
-        self.told.emit(sentence, details)
+        self.warned.emit(sentence, details)
 
     def announce(self, sentence: str, path: Path | None = None) -> None:
         """Say across the window that something was done; ``path``: what was written, which can be opened."""
@@ -383,7 +383,7 @@ class ApplicationContext(QObject):
 
     def hush(self) -> None:
         """Take the sentence across the window away."""
-        self.told.emit("", "")
+        self.warned.emit("", "")
 
     def say(self, line: str) -> None:
         """The last thing that happened, at the bottom of the window."""

@@ -250,7 +250,7 @@ class MainWindow(QMainWindow):
         context.tab_asked.connect(self.show_tab)
         context.open_asked.connect(self.ask_and_open)
         context.rig_changed.connect(self._on_rig)
-        context.told.connect(self.message.tell)
+        context.warned.connect(self.message.tell)
         context.announced.connect(self.message.announce)
         self.message.open_asked.connect(self._open_written)
         context.said.connect(self.task_bar.say)

@@ -91,7 +91,7 @@ class _Job:
     work: Work
     done: Callable[[Any], None]
     owner: Hashable
-    told: Callable[[float, str], None] | None
+    on_progress: Callable[[float, str], None] | None
     failed: Callable[[Failed], None] | None
     stop: threading.Event = field(default_factory=threading.Event)
     result: Any = None
@@ -187,11 +187,11 @@ class Worker(QObject):
         done: Callable[[Any], None] = _nothing,
         owner: Hashable = "",
         *,
-        told: Callable[[float, str], None] | None = None,
+        on_progress: Callable[[float, str], None] | None = None,
         failed: Callable[[Failed], None] | None = None,
         replace: bool = True,
     ) -> None:
-        """Run ``work`` in the thread; call ``done(result)``, ``told(share, what)``, ``failed`` in this one.
+        """Run ``work`` in the thread; call ``done(result)``, ``on_progress(share, what)``, ``failed`` here.
 
         Args:
             owner: with a name, the new job replaces only what the same owner has running or waiting, and
@@ -203,7 +203,7 @@ class Worker(QObject):
         if replace:
             self._waiting = [one for one in self._waiting if owner and one.owner != owner]
         self._title = title
-        self._waiting.append(_Job(title, work, done, owner, told, failed))
+        self._waiting.append(_Job(title, work, done, owner, on_progress, failed))
         if self._now is None:
             self._launch()
         elif replace and (not owner or self._now.owner == owner):
@@ -255,8 +255,8 @@ class Worker(QObject):
     def _on_progress(self, job: _Job, share: float, what: str) -> None:
         if job is self._now and not job.stop.is_set():
             self.progressed.emit(share, what)
-            if job.told is not None:
-                job.told(share, what)
+            if job.on_progress is not None:
+                job.on_progress(share, what)
 
     def _on_ended(self, job: _Job) -> None:
         if job is not self._now:

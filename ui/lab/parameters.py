@@ -176,7 +176,7 @@ class ParametersPanel(QWidget):
         """Those of effects first: they are what a person moves."""
         if self._at_hand is None:
             return []
-        return sorted(self._at_hand.parameters, key=lambda one: (not one.effect, not one.told))
+        return sorted(self._at_hand.parameters, key=lambda one: (not one.effect, not one.identified))
 
     def _chosen(self) -> FittedParameter | None:
         rows = self._ordered()

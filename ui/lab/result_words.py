@@ -28,10 +28,10 @@ from fingerlab.report.diagnosis_words import (
     holds,
     improbable_rivals,
     in_sentence,
+    indistinguishable,
     left_open,
     listed,
     not_shown,
-    not_told_apart,
     rivalled,
     would_show,
 )
@@ -196,7 +196,7 @@ def _set_words(diagnosis: Diagnosis) -> str:
         text += f"{' ' if text else ''}Too weak to tell: {_named(weak)}." if weak else ""
         shown = would_show(diagnosis)
         return f"{text} The proposed run would show {_named(shown)}." if shown else text
-    titles = [in_sentence(effect_title(name)) for name in not_told_apart(diagnosis)]
+    titles = [in_sentence(effect_title(name)) for name in indistinguishable(diagnosis)]
     others = [in_sentence(effect_title(name)) for name in improbable_rivals(diagnosis)]
     also = f"Below {percent(IMPROBABLE)}, but not ruled out: {listed(others)}." if others else ""
     if also and len(titles) < 2:

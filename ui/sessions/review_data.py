@@ -302,5 +302,5 @@ class ReviewData(QObject):
             work,
             lambda _: self.filled.emit(number, 1.0),
             ("fill", number),
-            told=lambda share, _: self.filled.emit(number, share),
+            on_progress=lambda share, _: self.filled.emit(number, share),
         )

@@ -188,13 +188,13 @@ class BatchControl(QObject):
 
     Signals:
         found(row): one more session was diagnosed, or could not be.
-        told(words): how far it is; empty when it is over.
+        progress_changed(words): how far it is; empty when it is over.
         ended(BatchResult, Path): all were done; the table holds them. stopped(): it was stopped.
         failed(Failed).
     """
 
     found = Signal(object)
-    told = Signal(str)
+    progress_changed = Signal(str)
     ended = Signal(object, object)
     stopped = Signal()
     failed = Signal(object)
@@ -228,7 +228,7 @@ class BatchControl(QObject):
             return self.call(folder, self.found.emit, processes, progress, cancelled)
 
         self._worker.start("Diagnosing", work, lambda done: self.ended.emit(*done))
-        self.told.emit("Diagnosing …")
+        self.progress_changed.emit("Diagnosing …")
 
     def stop(self) -> None:
         """End it; what is done is kept, and the next one goes on there."""
@@ -239,13 +239,13 @@ class BatchControl(QObject):
 
     def _on_progress(self, share: float, what: str) -> None:
         left = time_left(share, self.clock() - self._began)
-        self.told.emit(f"Diagnosing: {what}{f', {left}' if left else ''}")
+        self.progress_changed.emit(f"Diagnosing: {what}{f', {left}' if left else ''}")
 
     def _on_failed(self, failed: Failed) -> None:
         self.failed.emit(failed)
 
     def _on_ended(self, how: str) -> None:
-        self.told.emit("")
+        self.progress_changed.emit("")
         if how == "stopped":
             self.stopped.emit()
 

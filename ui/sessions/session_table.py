@@ -29,7 +29,7 @@ from fingerlab.library.notes import LibraryEntry, Note, Test, Verdict
 from fingerlab.library.reviewing import Thumbnail, make_thumbnail
 from fingerlab.report.diagnosis_words import effect_title, in_sentence, listed
 from fingerlab.sessions.model import Run
-from fingerlab.sessions.trajectory import run_told
+from fingerlab.sessions.trajectory import motion_of_run
 
 from ..app.worker import Worker
 from ..widgets.layout import as_written
@@ -42,7 +42,7 @@ PHASE_WORDS = {"on_air": "on air", "contact": "contact", "motor_bench": "motor b
 def run_words(run: Run) -> str:
     """``Run 002 · on air, extension, sine, 15°, 1 Hz``."""
     cable = "" if run.cable == "none" else f", {run.cable}"
-    return f"Run {run.name} · {PHASE_WORDS.get(run.phase, run.phase)}{cable}, {run_told(run)}"
+    return f"Run {run.name} · {PHASE_WORDS.get(run.phase, run.phase)}{cable}, {motion_of_run(run)}"
 
 
 def duration(seconds: float) -> str:

@@ -112,7 +112,7 @@ class SessionsTab(Tab):
         page.diagnose_asked.connect(self._diagnose_or_stop)
         page.trend_asked.connect(self.show_trend)
         self.batch.found.connect(self._on_verdict)
-        self.batch.told.connect(self.page.show_diagnosing)
+        self.batch.progress_changed.connect(self.page.show_diagnosing)
         self.batch.ended.connect(self._on_diagnosed)
         self.batch.stopped.connect(self._on_stopped)
         self.batch.failed.connect(lambda failed: self.context.tell(failed.sentence, failed.details))

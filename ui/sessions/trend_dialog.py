@@ -15,7 +15,7 @@ from PySide6.QtWidgets import QComboBox, QLabel, QPushButton, QTabWidget, QWidge
 from fingerlab.batch.benches import folders_of, shared_effects, two_groups
 from fingerlab.batch.changes import BenchChange, NumberCourse, beside, changes, courses
 from fingerlab.batch.laws import Estimate
-from fingerlab.batch.settings import LEAST_SESSIONS, STEPS, TOLD
+from fingerlab.batch.settings import LEAST_SESSIONS, PROBABLE, STEPS
 from fingerlab.batch.strengths import with_strengths
 from fingerlab.batch.table import (
     DAYS_A_MONTH,
@@ -192,7 +192,7 @@ class TrendPlot(QuietPlot):
         since = f"{first:%Y-%m-%d}" if isinstance(first, datetime) else "the first"
         self.name_axes(column_words(self.trend.column), self._unit, f"Days since {since}")
         levels = self._draw_course(days) if self.course is not None else []
-        if self.course is None or self.course.course.told == "open":
+        if self.course is None or self.course.course.verdict == "open":
             slope = np.nan_to_num(self.trend.per_month) * self._unit.factor / DAYS_A_MONTH
             line = np.median(value) + slope * (days - np.median(days))
             plot.addItem(plain_curve(days, line, self.pen("modelled", 1.5, dashed=True), "trend"))
@@ -215,7 +215,7 @@ class TrendPlot(QuietPlot):
         """The levels of the likeliest course, and where a step or an odd session is; returns their ends."""
         assert self.course is not None
         course = self.course.course
-        told, first, last = course.told, course.first, course.last
+        told, first, last = course.verdict, course.first, course.last
         if told == "open":
             return []
         if told in STEPS:
@@ -329,7 +329,7 @@ class TrendDialog(ResultDialog):
         if one is None:
             return True, False, 1.0
         steady = one.course.chances["steady"]
-        return column not in led, bool(one.leans_on) and steady < TOLD, steady
+        return column not in led, bool(one.leans_on) and steady < PROBABLE, steady
 
     def _said(self, found: list[BenchChange]) -> str:
         times = len({row["created"] for row in self._rows})
@@ -341,7 +341,7 @@ class TrendDialog(ResultDialog):
             )
         told = [change_sentence(one) for one in found]
         rest = beside(list(self._courses.values()), found)
-        told += [course_sentence(one) for one in rest if one.course.told not in ("steady", "open")]
+        told += [course_sentence(one) for one in rest if one.course.verdict not in ("steady", "open")]
         return "\n".join(told) or "No change of any number is likelier than none. Each one's own below."
 
     def _fill(self) -> None:
@@ -356,7 +356,7 @@ class TrendDialog(ResultDialog):
         one = self._courses.get(column)
         if one is None:
             return "–"
-        told = one.course.told
+        told = one.course.verdict
         if told == "open":
             return KIND_WORDS[told]
         if told == "steady":

@@ -41,10 +41,10 @@ from fingerlab.prediction.feed_forward import (
     best_share,
     between,
     first_plan,
-    foretold_mean,
     judged_feed,
     learned_plan,
     own_error,
+    predicted_mean,
     refuse_far,
 )
 from fingerlab.prediction.inverse import LEAD_S, TorquePlan, needed_torque
@@ -284,7 +284,7 @@ class ForceTrial:
         def learn(run: Run) -> None:
             self._look_at(run)
             self._doubt(name, run)
-            told = foretold_mean(self._variant(name), self._plans[name], run, self.rig, self._where)
+            told = predicted_mean(self._variant(name), self._plans[name], run, self.rig, self._where)
             pressed = float(force_error(run, self.wanted).measured.mean())
             self._trims[name] = self._bound(told - pressed)
             self._motions[name] = run
@@ -394,7 +394,7 @@ class ForceTrial:
         def fed() -> tuple[Mapping[str, Any], Mapping[str, Any]]:
             feed = self._feeds[name]
             about = {
-                "foretold_rms_n": feed.foretold_rms,
+                "foretold_rms_n": feed.predicted_rms,
                 "correction_n_m": feed.correction,
                 "trim_n": self._trims.get(name, 0.0),
                 FOUND_SHARE: self._share if name == FOUND else 0.0,

@@ -25,7 +25,7 @@ from math import comb
 
 import numpy as np
 
-from fingerlab.diagnosis.answer.errors import equation_errors, told_by_equations
+from fingerlab.diagnosis.answer.errors import equation_errors, squares_by_family
 from fingerlab.diagnosis.answer.results import Budget, BudgetPart, EquationError, PathStep
 from fingerlab.diagnosis.equations.parameters import CABLE_OFFSET, LOSSES, TORQUE_ZERO
 from fingerlab.diagnosis.score.fitted_model import FittedModel
@@ -143,7 +143,7 @@ def _spreads(scorer: Scorer, fitted: FittedModel) -> dict[str, tuple[float, str,
     for group in reduced.groups:
         jacobian = model.coefficients(values, group)[1]
         products = group.whole.of(model.pick)
-        for name, (told, _) in told_by_equations(reduced, fitted, group).items():
+        for name, (told, _) in squares_by_family(reduced, fitted, group).items():
             bend = jacobian.T @ (products * told[np.ix_(model.rows, model.rows)]) @ jacobian
             bends[name] = bends.get(name, np.zeros_like(bend)) + bend
             counts[name] = counts.get(name, 0.0) + group.samples

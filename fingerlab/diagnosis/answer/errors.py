@@ -84,12 +84,12 @@ def _families(
 ) -> dict[str, tuple[float, float, float]]:
     """For each family: mean square of the residual, of the noise, and variance of what was measured."""
     result = {}
-    for family, (told, measured) in told_by_equations(reduced, fitted, group).items():
+    for family, (told, measured) in squares_by_family(reduced, fitted, group).items():
         result[family] = (float((told * residual).sum()), float((told * noise).sum()), measured)
     return result
 
 
-def told_by_equations(reduced: Reduced, fitted: FittedModel, group: Group) -> dict[str, tuple[Array, float]]:
+def squares_by_family(reduced: Reduced, fitted: FittedModel, group: Group) -> dict[str, tuple[Array, float]]:
     """By what products of the equations' residuals make the square of each family's, and its variance.
 
     (5, 5) over ``Row``, and N^2, m^2 or (N m)^2: a joint's torque is a tension times its arm, the motor's
@@ -344,7 +344,7 @@ def _members(runs: Sequence[Run]) -> dict[tuple[GroupKey, int], list[int]]:
     return members
 
 
-HARDLY_TOLD = 0.7
+HARDLY_DETERMINED = 0.7
 """Share of a prior's spread that is left where the runs hardly tell a value (assumed)."""
 
 
@@ -357,7 +357,7 @@ class FittedParameter:
         estimate: value with its 90 % interval. low, high: bounds that no fit leaves.
         source: where the bounds, and what was known before, come from.
         spread: standard deviation of what was known before any run; 0: nothing was.
-        told: the runs tell more of it than was known before. held: somebody holds it.
+        identified: the runs tell more of it than was known before. held: somebody holds it.
     """
 
     key: str
@@ -367,7 +367,7 @@ class FittedParameter:
     high: float
     source: str
     spread: float
-    told: bool
+    identified: bool
     held: bool
 
 
@@ -438,7 +438,7 @@ class ParametersAtHand:
                     size * one.high,
                     source,
                     spread,
-                    not spread or left < HARDLY_TOLD * spread,
+                    not spread or left < HARDLY_DETERMINED * spread,
                     unknown.key in diagnosis.held,
                 )
             )

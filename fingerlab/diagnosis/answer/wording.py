@@ -14,7 +14,14 @@ from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.gram.sums import SOURCES, Offsets
 from fingerlab.diagnosis.score.evidence import Evidence
 from fingerlab.diagnosis.score.fitted_model import FittedModel, at_assumed_bounds, own_keys
-from fingerlab.diagnosis.settings import LEAST_SPIKES, MOST_NAMED, TOLD_OFFSET, TOLD_SHARE, TOLD_SKEW_S, Z90
+from fingerlab.diagnosis.settings import (
+    LEAST_SPIKES,
+    MOST_NAMED,
+    REPORTED_OFFSET,
+    REPORTED_SHARE,
+    REPORTED_SKEW_S,
+    Z90,
+)
 from fingerlab.diagnosis.signals.filters import BRIDGED, CUT_OUT, HELD, OF_TIME, UNEVEN
 from fingerlab.effects import find_effect
 from fingerlab.effects.base import Effect, Row
@@ -66,7 +73,7 @@ def _skew(reduction: Reduction, last: FittedModel) -> list[BenchFinding]:
         return []
     seconds = reduction.scales.of("s")
     late, unsure = float(last.fit.values[place]), float(last.fit.deviations[place])
-    if abs(late) < max(TOLD_SKEW_S, TOLD_OFFSET * unsure):
+    if abs(late) < max(REPORTED_SKEW_S, REPORTED_OFFSET * unsure):
         return []
     at_least = "at least " if abs(late) >= last.model.high[place] * 0.99 else ""
     said = (
@@ -104,7 +111,7 @@ def _moved(reduction: Reduction, offsets: Sequence[Offsets], rig: Rig) -> list[B
         away = np.concatenate([told[mine] - told[mine].mean() for mine in repeats])
         every = [k for mine in repeats for k in mine]
         spread = float(np.sqrt(np.sum(away**2) / (len(away) - len(repeats))))
-        if not spread > TOLD_OFFSET * float(np.sqrt(np.mean(unsure[every] ** 2))):
+        if not spread > REPORTED_OFFSET * float(np.sqrt(np.mean(unsure[every] ** 2))):
             continue
         worst = int(np.argmax(np.abs(away)))
         run = reduction.runs[numbers[every[worst]]][1]
@@ -112,7 +119,7 @@ def _moved(reduction: Reduction, offsets: Sequence[Offsets], rig: Rig) -> list[B
         result.append(BenchFinding("moving_zero", channel, spread, unit, (run,), *words))
     # One joint's zero is told from the other's by springs and arms that are not known to the last.
     most = max((one.size for one in result if one.unit == "rad"), default=0.0)
-    return [one for one in result if one.unit != "rad" or one.size > TOLD_SHARE * most]
+    return [one for one in result if one.unit != "rad" or one.size > REPORTED_SHARE * most]
 
 
 def _moved_words(channel: str, spread: float, most: float, run: str, rig: Rig) -> tuple[str, str]:

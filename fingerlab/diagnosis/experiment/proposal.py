@@ -70,7 +70,7 @@ from fingerlab.sessions.model import Array, Session
 class NextRun:
     """The proposed run as in ``diagnose --json``, and what was predicted of it before any correction."""
 
-    told: dict[str, Any]
+    proposal: dict[str, Any]
     predicted: Predicted
 
 

@@ -36,23 +36,23 @@ from fingerlab.sessions.model import Array
 class Contrasts:
     """Differences between repeated runs: what each says of the sources.
 
-    ``pull`` (n, 4) is the gradient of the log density at no constant, ``told`` (n, 4, 4) minus its curvature.
-    ``values`` are the independent values of the runs behind them.
+    ``pull`` (n, 4) is the gradient of the log density at no constant, ``information`` (n, 4, 4) minus its
+    curvature. ``values`` are the independent values of the runs behind them.
     """
 
     pull: Array
-    told: Array
+    information: Array
     values: float
 
     def at_most(self) -> float:
         """What no spreads can exceed: all that constants in every run would explain."""
-        inverse = np.linalg.pinv(self.told, hermitian=True, rcond=1e-9)
+        inverse = np.linalg.pinv(self.information, hermitian=True, rcond=1e-9)
         return float(0.5 * np.einsum("ri,rij,rj->", self.pull, inverse, self.pull))
 
     def log_density(self, spreads: Array) -> float:
         """Of the differences, against that with no constants of the runs; ``spreads`` (4,)."""
         pull = self.pull * spreads
-        matrix = np.eye(len(spreads)) + self.told * np.outer(spreads, spreads)
+        matrix = np.eye(len(spreads)) + self.information * np.outer(spreads, spreads)
         explained = np.einsum("ri,ri->", pull, np.linalg.solve(matrix, pull[:, :, None])[:, :, 0])
         return float(0.5 * explained - 0.5 * np.linalg.slogdet(matrix)[1].sum())
 
@@ -84,7 +84,9 @@ def find_constants(
     pull = np.concatenate([one.pull for one in found])
     if not len(pull):
         return None
-    contrasts = Contrasts(pull, np.concatenate([one.told for one in found]), sum(one.values for one in found))
+    contrasts = Contrasts(
+        pull, np.concatenate([one.information for one in found]), sum(one.values for one in found)
+    )
     spreads = _likeliest(contrasts)
     return RunConstants(spreads, shares, any(lone)) if spreads.any() else None
 

@@ -45,7 +45,7 @@ from fingerlab.physics.motion import Motion
 from fingerlab.sessions.model import Array
 
 
-def drive_told(effects: Sequence[Effect]) -> Shape:
+def drive_shape(effects: Sequence[Effect]) -> Shape:
     """What motor and gearbox keep for themselves, as the shape of any effect tells it; nothing: none does."""
     return next(
         (e.shapes[0] for e in effects if len(e.shapes) == 1 and DRIVE.keys() <= e.shapes[0].keys()), {}
@@ -119,7 +119,7 @@ def decimated_columns(motion: Motion, effects: Sequence[Effect], signals: IntArr
     low = np.zeros((int(signals.max()) + 1, len(time)))
     known = np.zeros(len(low), dtype=bool)
     live = fill(low, motion, all_columns(motion, effects), signals, known)
-    taut, rest = taut_moments(motion, inner, drive_told(effects)), rest_moments(motion.position[inner])
+    taut, rest = taut_moments(motion, inner, drive_shape(effects)), rest_moments(motion.position[inner])
     return Decimated(low.T, taut, time, motion, rest, np.array(live))
 
 
@@ -244,7 +244,7 @@ def decimated_again(segment: CachedSegment, effects: Sequence[Effect], asked: As
     signals = np.concatenate([asked.features[k] for k in asked.formed] or [np.zeros(0, dtype=int)])
     formed = fill(low, segment.motion, effect_columns(segment.motion, wanted), signals, known)
     live = np.sort(np.concatenate((places, np.array(formed, dtype=places.dtype))))
-    drive = drive_told(effects)
+    drive = drive_shape(effects)
     taut = (
         taut_moments(segment.motion, counted(segment.motion), drive) if any(drive.values()) else segment.taut
     )

@@ -33,7 +33,7 @@ from fingerlab.diagnosis.signals.conditions import (
     missing_channels,
     repeated_motions,
     runs_to_analyse,
-    with_changes_told,
+    with_interventions,
 )
 from fingerlab.diagnosis.signals.contradictions import Facts, check_channels
 from fingerlab.diagnosis.signals.scales import Scales, as_recorded, find_scales, reduced_sessions
@@ -42,7 +42,7 @@ from fingerlab.effects.base import Effect, Shape
 from fingerlab.physics.motion import Motion, strongest_orders
 from fingerlab.rig.file import UNCHANGED, Intervention, Rig, intervention_of
 from fingerlab.sessions.model import Array, Run, Session
-from fingerlab.sessions.trajectory import told_frequency
+from fingerlab.sessions.trajectory import commanded_frequency
 
 _Found = TypeVar("_Found")
 
@@ -90,7 +90,7 @@ class Reduction:
     @cached_property
     def sessions(self) -> tuple[Session, ...]:
         """The sessions in reduced units."""
-        return with_changes_told(reduced_sessions(self._given, self.scales))
+        return with_interventions(reduced_sessions(self._given, self.scales))
 
     @cached_property
     def _pairs(self) -> list[tuple[Session, Run]]:
@@ -287,7 +287,7 @@ class Reduction:
         by_state: bool = False,
     ) -> Reduced:
         pairs, runs = self._pairs, [run for _, run in self._pairs]
-        seek_cycle = all(told_frequency(run) is None for run in runs)
+        seek_cycle = all(commanded_frequency(run) is None for run in runs)
         asked, start = {}, 0
         for on_bench, layout in layouts.items():
             found = asked_of(layout, effects, self._first.get(on_bench), start, anew, seek_cycle)

@@ -40,7 +40,7 @@ from fingerlab.diagnosis.signals.segments import segments_of, senses
 from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import Effect, Shape
 from fingerlab.sessions.model import Array, Run, Session
-from fingerlab.sessions.trajectory import found_frequency, told_frequency
+from fingerlab.sessions.trajectory import commanded_frequency, found_frequency
 
 
 def repeating_bases(low: Decimated, run: Run, seek: bool = False) -> tuple[Array, Array] | None:
@@ -49,7 +49,7 @@ def repeating_bases(low: Decimated, run: Run, seek: bool = False) -> tuple[Array
     ``seek`` a cycle in the motion itself where the run does not tell it. None where there is no cycle that
     repeats often enough.
     """
-    frequency = told_frequency(run)
+    frequency = commanded_frequency(run)
     if frequency is None and seek:
         frequency = _sought(low, run)
     if frequency is None:
@@ -165,7 +165,7 @@ def run_sums(
             noise = part.products - cyclic @ cyclic.T
             result.add(Part(low.live + asked.start, part, totals, noise, len(low.time) - cyclic.shape[1]))
             result.trends.append((low.live + asked.start, trend))
-            told = told_frequency(run)
+            told = commanded_frequency(run)
             if told is not None:
                 stretch = told, float(low.time[0]), float(low.time[-1]), len(low.time)
                 result.cycles.append(Cycle(stretch, low.live + asked.start, cyclic))

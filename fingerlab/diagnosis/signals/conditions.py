@@ -28,7 +28,7 @@ from fingerlab.sessions.model import Run, Session
 
 CHANGE = "number of the change"
 """Attribute of a run in memory: number of its known change, and how many there are."""
-TOLD = ("frequency_hz", "amplitude_deg", "offset_deg", "load_torque")
+COMPARED = ("frequency_hz", "amplitude_deg", "offset_deg", "load_torque")
 """What tells one motion from another of its kind."""
 
 
@@ -84,7 +84,7 @@ def _same_change(one: Run, other: Run) -> bool:
     return mine == theirs
 
 
-def with_changes_told(sessions: Sequence[Session]) -> tuple[Session, ...]:
+def with_interventions(sessions: Sequence[Session]) -> tuple[Session, ...]:
     """The sessions; where a run was taken with a known change of the machine, all finger runs tell of theirs.
 
     Their equations then have one form, those of an unchanged machine with nothing added.
@@ -144,7 +144,7 @@ def _shape(run: Run) -> Mapping[str, Any]:
 def _alike(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
     if one.get("kind") != other.get("kind"):
         return False
-    return all(_close(one.get(name), other.get(name), SAME_DIFFERENCE[name]) for name in TOLD)
+    return all(_close(one.get(name), other.get(name), SAME_DIFFERENCE[name]) for name in COMPARED)
 
 
 def _close(one: object, other: object, difference: float) -> bool:
@@ -161,7 +161,7 @@ def repeated_motions(runs: Sequence[Run]) -> list[int | None]:
     seen: list[Run] = []
     found: list[int | None] = []
     for run in runs:
-        if not all(isinstance(run.trajectory.get(name), int | float) for name in TOLD[:2]):
+        if not all(isinstance(run.trajectory.get(name), int | float) for name in COMPARED[:2]):
             found.append(None)
             continue
         place = next((k for k, other in enumerate(seen) if _told_the_same(run, other)), len(seen))
@@ -172,7 +172,7 @@ def repeated_motions(runs: Sequence[Run]) -> list[int | None]:
 
 
 def _told_the_same(one: Run, other: Run) -> bool:
-    mine, theirs = ({k: v for k, v in run.trajectory.items() if k not in TOLD} for run in (one, other))
+    mine, theirs = ({k: v for k, v in run.trajectory.items() if k not in COMPARED} for run in (one, other))
     same = group_key(one) == group_key(other) and _same_change(one, other)
     return same and mine == theirs and _alike(one.trajectory, other.trajectory)
 

@@ -35,9 +35,9 @@ from fingerlab.diagnosis.settings import (
     NARROW_RATE_HZ,
     NARROW_TAPS,
     PULSE_SAMPLES,
+    REPORTED_JITTER,
     SPIKE_NEIGHBOURS,
     STRAIGHTER,
-    TOLD_JITTER,
     WIDE_CUTOFF_HZ,
     WIDE_RATE_HZ,
 )
@@ -81,7 +81,7 @@ def at_even_times(
     every, cut_out = every[~cut | np.isin(every, place)], int(cut.sum())
     found = {name: np.interp(every, place, values) for name, values in samples.items()}
     behind = place[place >= lead]
-    off = np.abs(behind - np.rint(behind)) > TOLD_JITTER
+    off = np.abs(behind - np.rint(behind)) > REPORTED_JITTER
     bridged_ones = int(np.count_nonzero(every >= lead)) - len(behind)
     counts = {BRIDGED: max(bridged_ones, 0), UNEVEN: int(off.sum()), CUT_OUT: cut_out}
     return found | {"time": time[0] + every / rate}, {name: count for name, count in counts.items() if count}

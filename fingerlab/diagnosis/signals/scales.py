@@ -39,7 +39,7 @@ from fingerlab.physics.motion import Motion
 from fingerlab.physics.nominal import JointMotion
 from fingerlab.rig.file import CONSTANT_UNITS, UNITS, Finger, Intervention, Motor, Rig, intervention_of
 from fingerlab.sessions.model import CHANNEL_UNITS, Array, ChannelReader, Run, Session
-from fingerlab.sessions.trajectory import told_frequency
+from fingerlab.sessions.trajectory import commanded_frequency
 
 _POWERS = {
     "N": (1, -1, 0), "m": (0, 1, 0), "s": (0, 0, 1), "kg": (1, -2, 2), "Hz": (0, 0, -1),
@@ -165,7 +165,7 @@ def _pace(run: Run) -> float:
     Of the strongest lines of its motion, so that neither noise nor the encoder's steps count. A motor that
     turns on has no travel: what depends on its angle comes again sooner.
     """
-    told, amplitude = told_frequency(run), run.trajectory.get("amplitude_deg")
+    told, amplitude = commanded_frequency(run), run.trajectory.get("amplitude_deg")
     if told is not None:
         swing = math.radians(float(amplitude)) if isinstance(amplitude, int | float) else 0.0
         return 2.0 * math.pi * told * max(1.0, abs(swing) / math.sqrt(2.0) / USUAL_TRAVEL)
