@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-    from fingerlab.models.file import Model
+    from fingerlab.models.file import SavedModel
     from fingerlab.rig.file import Rig
 
 PATH = click.Path(path_type=Path)
@@ -247,7 +247,7 @@ def write_text_safely(path: Path, text: str) -> None:
 def write_results(
     result: Mapping[str, Any],
     json_target: str | None,
-    model: tuple[Model, Path] | None = None,
+    model: tuple[SavedModel, Path] | None = None,
     figures: tuple[Mapping[str, Figure], Path] | None = None,
 ) -> None:
     """Write JSON, model file and figures: all of them, or none; ``-`` prints the JSON instead.

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from fingerlab.diagnosis.answer.results import Diagnosis
     from fingerlab.diagnosis.draft.laws import DraftLaw
     from fingerlab.diagnosis.gram.reduction import Reduction
-    from fingerlab.models.file import Model
+    from fingerlab.models.file import SavedModel
     from fingerlab.sessions import Session
 
 
@@ -199,7 +199,7 @@ def _held(text: str) -> tuple[str, float]:
     return name, value
 
 
-def _model(sessions: Sequence[Session], effects: Sequence[str], held: Mapping[str, float]) -> Model:
+def _model(sessions: Sequence[Session], effects: Sequence[str], held: Mapping[str, float]) -> SavedModel:
     """The model with these effects, ready to be written."""
     from fingerlab.prediction import fit_extended, model_of_extended
 

@@ -34,7 +34,7 @@ from fingerlab.core.errors import UserError
 from fingerlab.core.plain_data import json_ready
 from fingerlab.core.text import mean_and_deviation, number, r2_text
 from fingerlab.diagnosis.signals.scales import find_scales
-from fingerlab.models.file import DIAGNOSIS_METHOD, Model, load_model
+from fingerlab.models.file import DIAGNOSIS_METHOD, SavedModel, load_model
 from fingerlab.prediction import EQUATIONS, extended_model, predict_extended
 from fingerlab.prediction.extended import EQUATION_WORDS, LEVEL, Equation, ExtendedModel
 from fingerlab.prediction.inverse import TorquePlan, needed_torque, plan_json, predictors
@@ -110,7 +110,7 @@ def predict(session_file: Path, model_file: Path, figures: Path | None, json_tar
 
 
 def _predict_by_region(
-    session: Session, model: Model, where: str, figures: Path | None, json_target: str | None
+    session: Session, model: SavedModel, where: str, figures: Path | None, json_target: str | None
 ) -> None:
     sets = parameter_sets(model, where)
     bar, report = progress_bar("Predicting")
@@ -126,7 +126,7 @@ def _predict_by_region(
     write_results(_json_by_region(session, model, result), json_target, None, drawn)
 
 
-def _origin(session: Session, model: Model | ExtendedModel) -> tuple[bool, str]:
+def _origin(session: Session, model: SavedModel | ExtendedModel) -> tuple[bool, str]:
     """Whether the model was fitted on this session, and on which it was, in words."""
     own = any(s.sha256 == content_hash(session) for s in model.sessions)
     return own, "this session" if own else ", ".join(s.name for s in model.sessions)
@@ -150,7 +150,7 @@ def _phase_error(runs: Sequence[ContactRun[str]], name: str, phase: str) -> Spre
     return Spread(tuple(run.predictions[name].error_by_phase[phase] for run in runs))
 
 
-def _print_by_region(session: Session, model: Model, result: SessionPrediction) -> None:
+def _print_by_region(session: Session, model: SavedModel, result: SessionPrediction) -> None:
     console = table_console()
     console.print(
         f"{session.path.name}: {counted(len(result.runs), 'contact run')}, "
@@ -187,7 +187,7 @@ def _region_table(title: str, numbers: Sequence[str]) -> Table:
     return result_table(*columns, no_wrap=True, title=title, padding=(0, 1, 0, 0))
 
 
-def _json_by_region(session: Session, model: Model, result: SessionPrediction) -> Any:
+def _json_by_region(session: Session, model: SavedModel, result: SessionPrediction) -> Any:
     """The JSON of ``predict``: SI units, null where there is no number."""
     return json_ready(
         {
@@ -219,7 +219,7 @@ def _json_by_region(session: Session, model: Model, result: SessionPrediction) -
 
 
 def _predict_with_effects(
-    session: Session, model: Model, where: str, figures: Path | None, json_target: str | None
+    session: Session, model: SavedModel, where: str, figures: Path | None, json_target: str | None
 ) -> None:
     extended = extended_model(model, where)
     bar, report = progress_bar("Predicting")
@@ -282,7 +282,7 @@ def _print_intervals(console: Console, result: ExtendedPrediction) -> None:
         console.print(f"{100 * LEVEL:.0f} % interval, {name} model: {sentence}.", soft_wrap=True)
 
 
-def _json_with_effects(session: Session, model: Model, result: ExtendedPrediction) -> Any:
+def _json_with_effects(session: Session, model: SavedModel, result: ExtendedPrediction) -> Any:
     """The JSON of ``predict``: SI units, null where there is no number."""
     return json_ready(
         {
@@ -325,7 +325,7 @@ def _run_json(run: RunPrediction, equation: Equation) -> dict[str, Any]:
     return data
 
 
-def _model_json(model: Model) -> dict[str, Any]:
+def _model_json(model: SavedModel) -> dict[str, Any]:
     data: dict[str, Any] = {"method": model.method}
     if model.method == DIAGNOSIS_METHOD:
         data["effects"] = list(model.effects)

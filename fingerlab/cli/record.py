@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from fingerlab.acquisition.protocols.script import Order
     from fingerlab.acquisition.protocols.steps import Step
     from fingerlab.devices.choosing import DeviceChoice
-    from fingerlab.models.file import Model
+    from fingerlab.models.file import SavedModel
     from fingerlab.rig.file import Rig
 
 FORCE = Within(min=0.05, max=50.0)
@@ -302,7 +302,7 @@ def _orders(source: str | None) -> list[Order]:
     return read_orders(text.splitlines(), source)
 
 
-def _model(source: str | None) -> Model | str | None:
+def _model(source: str | None) -> SavedModel | str | None:
     if source is None or source == "nominal":
         return source
     from fingerlab.models.file import load_model

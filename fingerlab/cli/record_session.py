@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from fingerlab.acquisition.protocols.driver import Beginning, ProtocolDriver
     from fingerlab.acquisition.protocols.script import Order
     from fingerlab.acquisition.protocols.steps import Step
-    from fingerlab.models.file import Model
+    from fingerlab.models.file import SavedModel
     from fingerlab.models.live import LiveModel
     from fingerlab.rig.file import Rig
 
@@ -88,7 +88,12 @@ class Observer:
     """
 
     def __init__(
-        self, bench: Bench, rig: Rig, events: Events, say: Callable[[str], None], model: Model | str | None
+        self,
+        bench: Bench,
+        rig: Rig,
+        events: Events,
+        say: Callable[[str], None],
+        model: SavedModel | str | None,
     ) -> None:
         from fingerlab.acquisition.ring import CycleTimes
 
@@ -186,7 +191,7 @@ class Observer:
         self._live.extend(Measured(*(rows[:, COLUMN[name]] for name in names)))
 
 
-def live_model(rig: Rig, rate_hz: float, model: Model | str, set_up: Any) -> LiveModel:
+def live_model(rig: Rig, rate_hz: float, model: SavedModel | str, set_up: Any) -> LiveModel:
     """The model beside the measurement of a set-up.
 
     Raises:
@@ -269,7 +274,7 @@ class Told:
     attributes: Mapping[str, Any]
     initial: Initialise
     beginning: Beginning
-    model: Model | str | None
+    model: SavedModel | str | None
     orders: Sequence[Order]
     typed: bool
     asks: bool

@@ -62,7 +62,7 @@ class SessionHash:
 
 
 @dataclass(frozen=True)
-class Model:
+class SavedModel:
     """A fitted model. ``created`` is ISO 8601 with offset; ``software`` is name and version."""
 
     method: str
@@ -84,7 +84,7 @@ def hash_sessions(sessions: Sequence[Session]) -> tuple[SessionHash, ...]:
     return tuple(SessionHash(session.path.name, content_hash(session)) for session in sessions)
 
 
-def model_to_json(model: Model) -> dict[str, Any]:
+def model_to_json(model: SavedModel) -> dict[str, Any]:
     """The object that the file holds, ready for ``json.dumps``."""
     return {
         "format": FORMAT,
@@ -106,7 +106,7 @@ def estimate_to_json(estimate: ParameterEstimate) -> dict[str, Any]:
     return data
 
 
-def save_model(model: Model, path: str | Path) -> None:
+def save_model(model: SavedModel, path: str | Path) -> None:
     """Write a model file, whole or not at all; an existing file is never overwritten.
 
     Raises:
@@ -116,7 +116,7 @@ def save_model(model: Model, path: str | Path) -> None:
         write_model(model, part)
 
 
-def write_model(model: Model, path: Path) -> None:
+def write_model(model: SavedModel, path: Path) -> None:
     """Write the model's text to a place that has been claimed for it.
 
     Raises:
@@ -126,7 +126,7 @@ def write_model(model: Model, path: Path) -> None:
     path.write_text(text + "\n", encoding="utf-8")
 
 
-def load_model(path: str | Path) -> Model:
+def load_model(path: str | Path) -> SavedModel:
     """Read a model file.
 
     Raises:
@@ -147,7 +147,7 @@ def load_model(path: str | Path) -> Model:
         if what == "sessions" and len(error.place) > 1:
             raise UserError(f"{path}, 'sessions' should hold objects with 'name' and 'sha256'.") from None
         raise UserError(f"{path} lacks '{what}'; a model file holds {_HELD[what]} there.") from None
-    return Model(
+    return SavedModel(
         found.method,
         {name: _estimate(path, name, p) for name, p in found.parameters.items()},
         tuple(found.sessions),

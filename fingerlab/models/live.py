@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fingerlab.core.errors import UserError
-from fingerlab.models.file import Model
+from fingerlab.models.file import SavedModel
 from fingerlab.physics.nominal import JointMotion, contact_lever_pip, pip_torque, tension
 from fingerlab.rig.file import Rig
 from fingerlab.sessions.model import Array
@@ -79,7 +79,7 @@ class Modelled:
     force: Array
 
 
-def balance_of(model: Model, cable: str, where: str = "the model file") -> Balance:
+def balance_of(model: SavedModel, cable: str, where: str = "the model file") -> Balance:
     """The PIP balance of a model that ``fit`` wrote; the other cable's where this one has none.
 
     Raises:

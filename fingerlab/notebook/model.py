@@ -14,7 +14,7 @@ from fingerlab.core.errors import UserError
 from fingerlab.core.files import OutputSet
 from fingerlab.core.progress import Progress
 from fingerlab.core.text import NO_BREAK, estimate_text, held_together, mean_and_deviation
-from fingerlab.models.file import DIAGNOSIS_METHOD, Model, ParameterEstimate, save_model
+from fingerlab.models.file import DIAGNOSIS_METHOD, ParameterEstimate, SavedModel, save_model
 from fingerlab.report import diagnosis_words as words
 from fingerlab.report.page_tables import model_rows
 from fingerlab.report.parameter_words import parameter_titles
@@ -178,9 +178,9 @@ PREDICTION_COLUMNS = (
 
 
 class ModelView(Displayed):
-    """A fitted model; ``model`` is the content of its file (``fingerlab.models.file.Model``)."""
+    """A fitted model; ``model`` is the content of its file (``fingerlab.models.file.SavedModel``)."""
 
-    def __init__(self, model: Model, name: str = "this model") -> None:
+    def __init__(self, model: SavedModel, name: str = "this model") -> None:
         self.model = model
         self._name = name
 
@@ -226,7 +226,7 @@ class ModelView(Displayed):
         return (head, ShownTable(("parameter", "value"), _rows(model), frozenset(), title))
 
 
-def _rows(model: Model) -> list[tuple[str, str]]:
+def _rows(model: SavedModel) -> list[tuple[str, str]]:
     if model.method != DIAGNOSIS_METHOD:
         return [(name, estimate_text(value)) for name, value in model.parameters.items()]
     rows = model_rows(model.parameters)

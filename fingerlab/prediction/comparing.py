@@ -13,8 +13,7 @@ from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress, Watch
 from fingerlab.diagnosis.answer.errors import equation_errors
 from fingerlab.diagnosis.answer.results import EquationError
-from fingerlab.diagnosis.equations.model import Choice
-from fingerlab.diagnosis.equations.model import Model as EquationsModel
+from fingerlab.diagnosis.equations.model import Choice, Model
 from fingerlab.diagnosis.equations.parameters import ARMS, CABLE_OFFSET
 from fingerlab.diagnosis.fit.data import Weights
 from fingerlab.diagnosis.fit.solver import Fit, Fitter
@@ -25,7 +24,7 @@ from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.settings import NARROW_RATE_HZ
 from fingerlab.diagnosis.signals.scales import Scales, find_scales
 from fingerlab.effects.base import Effect
-from fingerlab.models.file import DIAGNOSIS_METHOD, Model
+from fingerlab.models.file import DIAGNOSIS_METHOD, SavedModel
 from fingerlab.prediction.extended import (
     ChosenEffect,
     ExtendedModel,
@@ -166,7 +165,7 @@ class _Entrant:
             "runs; compare it on a session with the runs that it was fitted to."
         )
 
-    def _values(self, model: EquationsModel) -> Array:
+    def _values(self, model: Model) -> Array:
         values = self.scorer.start_values(model)
         for place, unknown in enumerate(model.unknowns):
             if unknown.key in self.variant.values:
@@ -259,7 +258,9 @@ class _Given:
     extended: Mapping[str, ExtendedModel]
 
 
-def predict_beside(session: Session, models: Mapping[str, Model], progress: Progress | None = None) -> Beside:
+def predict_beside(
+    session: Session, models: Mapping[str, SavedModel], progress: Progress | None = None
+) -> Beside:
     """Predict every contact run with every model.
 
     Args:
@@ -304,7 +305,7 @@ def _preferred(sets: Mapping[str, ParameterSet], cable: str) -> list[str]:
     return sorted(sets, key=rank)[:1]
 
 
-def _read(models: Mapping[str, Model]) -> _Given:
+def _read(models: Mapping[str, SavedModel]) -> _Given:
     sets: dict[str, ParameterSet] = {}
     extended: dict[str, ExtendedModel] = {}
     for file, model in models.items():

@@ -24,7 +24,7 @@ from fingerlab.diagnosis.equations.parameters import nuisance_ranges
 from fingerlab.diagnosis.signals.scales import SI, Scales
 from fingerlab.effects import find_effect
 from fingerlab.effects.base import Effect
-from fingerlab.models.file import DIAGNOSIS_METHOD, Model, ParameterEstimate, SessionHash
+from fingerlab.models.file import DIAGNOSIS_METHOD, ParameterEstimate, SavedModel, SessionHash
 from fingerlab.rig.file import Rig
 from fingerlab.sessions.model import Array
 from fingerlab.signals.periods import MINIMUM_PERIODS, PeriodGrid, cross_correlation_delay
@@ -338,7 +338,7 @@ class ExtendedModel:
 Part = TypeVar("Part")
 
 
-def model_of_extended(model: ExtendedModel) -> Model:
+def model_of_extended(model: ExtendedModel) -> SavedModel:
     """The model file's content; ``details`` holds all that a prediction needs."""
     details = {
         "shapes": {c.effect.id: dict(c.shape) for c in model.extended.effects},
@@ -347,7 +347,7 @@ def model_of_extended(model: ExtendedModel) -> Model:
         **({"held": dict(model.held)} if model.held else {}),
         **({"rig": json.loads(model.rig)} if model.rig else {}),
     }
-    return Model(DIAGNOSIS_METHOD, model.parameters, model.sessions, model.effect_ids, details)
+    return SavedModel(DIAGNOSIS_METHOD, model.parameters, model.sessions, model.effect_ids, details)
 
 
 def _variant_json(variant: Variant) -> dict[str, Any]:
@@ -364,7 +364,7 @@ def _variant_json(variant: Variant) -> dict[str, Any]:
     }
 
 
-def extended_model(model: Model, where: str) -> ExtendedModel:
+def extended_model(model: SavedModel, where: str) -> ExtendedModel:
     """The extended model that a model file of a diagnosis holds.
 
     Args:

@@ -21,7 +21,7 @@ from fingerlab.core.errors import UserError
 from fingerlab.diagnosis.equations.parameters import SET_DOWN
 from fingerlab.diagnosis.settings import WIDE_RATE_HZ
 from fingerlab.diagnosis.signals.scales import reduced_motion
-from fingerlab.models.file import DIAGNOSIS_METHOD, Model
+from fingerlab.models.file import DIAGNOSIS_METHOD, SavedModel
 from fingerlab.physics import nominal
 from fingerlab.physics.motion import Motion, tip_reach
 from fingerlab.prediction.extended import MOST_STRETCH, Band, Variant, extended_model, force_rate
@@ -362,7 +362,7 @@ FIRST = ("extension", "whole", "flexion")
 """Regions in the order of trust: the thesis ended with those of extension."""
 
 
-def predictors(model: Model, where: str, cable: str = "flexion") -> Mapping[str, Predictor]:
+def predictors(model: SavedModel, where: str, cable: str = "flexion") -> Mapping[str, Predictor]:
     """Predictors that do not switch with the region, by words for a list; the best first.
 
     Args:

@@ -11,7 +11,7 @@ import numpy as np
 
 from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress
-from fingerlab.models.file import Model
+from fingerlab.models.file import SavedModel
 from fingerlab.sessions.model import Array, Session
 from fingerlab.signals.periods import REGION_TITLES, usable
 from fingerlab.thesis.fitting import SessionFit, in_pieces
@@ -136,7 +136,7 @@ def sets_for(
 FIT_METHODS = ("regions", "flexion-extension", "whole")
 
 
-def parameter_sets(model: Model, where: str) -> Mapping[str, ParameterSet]:
+def parameter_sets(model: SavedModel, where: str) -> Mapping[str, ParameterSet]:
     """What a model can predict with, by name: every cable and joint, each region, and all together.
 
     Args:
@@ -181,7 +181,7 @@ def parameter_sets(model: Model, where: str) -> Mapping[str, ParameterSet]:
     return sets
 
 
-def _regions(model: Model, cable: str, joint: Joint) -> Mapping[str, Parameters]:
+def _regions(model: SavedModel, cable: str, joint: Joint) -> Mapping[str, Parameters]:
     regions = {}
     for region in ("flexion", "static_1", "extension", "static_2", "whole"):
         key = f"{cable}/{joint}/{region}"

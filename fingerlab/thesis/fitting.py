@@ -14,7 +14,7 @@ import numpy as np
 from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress
 from fingerlab.core.text import ParameterEstimate
-from fingerlab.models.file import Model, hash_sessions
+from fingerlab.models.file import SavedModel, hash_sessions
 from fingerlab.rig.file import Rig
 from fingerlab.sessions.model import Array, Run, Session
 from fingerlab.sessions.trajectory import named_frequency
@@ -167,7 +167,7 @@ def _why_not(run: OnAirRun) -> str:
     return "shows no region in which tension varies"
 
 
-def model_of_fit(session: Session, fit: SessionFit) -> Model:
+def model_of_fit(session: Session, fit: SessionFit) -> SavedModel:
     """The model file's content; parameters are named ``cable/joint/region/moment_arm`` and so on."""
     parameters: dict[str, ParameterEstimate] = {}
     r2: dict[str, float] = {}
@@ -188,7 +188,7 @@ def model_of_fit(session: Session, fit: SessionFit) -> Model:
         "skipped": [{"run": name, "because": reason} for name, reason in fit.skipped],
         "r2": r2,
     }
-    return Model(fit.spec.method, parameters, hash_sessions([session]), details=details)
+    return SavedModel(fit.spec.method, parameters, hash_sessions([session]), details=details)
 
 
 def delay_estimate(mean: float, delays: Spread) -> ParameterEstimate:
@@ -326,7 +326,7 @@ def _solve(session: Session, sums: Sequence[_RunSums]) -> MotorBenchFit:
     )
 
 
-def model_of_motor_bench(session: Session, fit: MotorBenchFit) -> Model:
+def model_of_motor_bench(session: Session, fit: MotorBenchFit) -> SavedModel:
     """The model file's content of a motor-bench fit."""
     details = {
         "fixed_by_rig": list(fit.fixed),
@@ -335,4 +335,4 @@ def model_of_motor_bench(session: Session, fit: MotorBenchFit) -> Model:
         "rmse": fit.rmse,
         "run_r2": dict(fit.run_r2),
     }
-    return Model(METHOD, fit.parameters, hash_sessions([session]), details=details)
+    return SavedModel(METHOD, fit.parameters, hash_sessions([session]), details=details)

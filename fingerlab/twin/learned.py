@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from fingerlab.core.errors import UserError
-from fingerlab.models.file import DIAGNOSIS_METHOD, Model, load_model
+from fingerlab.models.file import DIAGNOSIS_METHOD, SavedModel, load_model
 from fingerlab.rig.file import Rig
 from fingerlab.twin.effects import EFFECTS
 from fingerlab.twin.plant import Nominal, NotCarriedError
@@ -87,7 +87,7 @@ def learned(path: str | Path, preset: Preset, seed: int, best: bool = False) -> 
     return Learned(replace(found, known={**found.known, **known}), effects, values)
 
 
-def _drawn(model: Model, seed: int, best: bool) -> dict[str, float]:
+def _drawn(model: SavedModel, seed: int, best: bool) -> dict[str, float]:
     rng = np.random.default_rng(
         np.random.SeedSequence(seed, spawn_key=(7,))
     )  # beside what the seed draws else
@@ -101,7 +101,7 @@ def _drawn(model: Model, seed: int, best: bool) -> dict[str, float]:
     return result
 
 
-def _rig(model: Model, preset: Preset, where: str) -> Rig:
+def _rig(model: SavedModel, preset: Preset, where: str) -> Rig:
     """The rig that the model was fitted with; that of the preset where the file tells none."""
     told = model.details.get("rig")
     if not isinstance(told, Mapping):
@@ -112,7 +112,7 @@ def _rig(model: Model, preset: Preset, where: str) -> Rig:
     return rig
 
 
-def _preset(preset: Preset, model: Model, values: Mapping[str, float]) -> Preset:
+def _preset(preset: Preset, model: SavedModel, values: Mapping[str, float]) -> Preset:
     """The preset with the constants of the bench that were found; ``known`` holds true over nominal."""
     assert preset.rig.finger is not None  # checked above, or by the preset
     known = dict.fromkeys((*vars(preset.rig.finger), "torque_constant", "pulley_radius", "inertia"), 1.0)
@@ -137,7 +137,7 @@ def _preset(preset: Preset, model: Model, values: Mapping[str, float]) -> Preset
 
 
 def _effects(
-    model: Model, values: Mapping[str, float], preset: Preset, where: str
+    model: SavedModel, values: Mapping[str, float], preset: Preset, where: str
 ) -> tuple[dict[str, dict[str, float]], dict[str, float]]:
     """The model's effects as the plant has them, and what of its chance they tell (sign, phase)."""
     shapes = model.details.get("shapes", {})

@@ -12,10 +12,17 @@ import pytest
 
 import fingerlab
 from fingerlab.core.errors import UserError
-from fingerlab.models.file import Model, ParameterEstimate, SessionHash, hash_sessions, load_model, save_model
+from fingerlab.models.file import (
+    ParameterEstimate,
+    SavedModel,
+    SessionHash,
+    hash_sessions,
+    load_model,
+    save_model,
+)
 from fingerlab.sessions import open_session
 
-MODEL = Model(
+MODEL = SavedModel(
     "regions",
     {
         "extension/pip/flexion/moment_arm": ParameterEstimate(0.0072, "m", 0.0070, 0.0074),

@@ -17,7 +17,7 @@ from fingerlab.core.errors import UserError
 from fingerlab.core.text import ParameterEstimate
 from fingerlab.devices.simulated import SimulatedBench, Simulation
 from fingerlab.effects import CATALOGUE
-from fingerlab.models.file import DIAGNOSIS_METHOD, Model, load_model, save_model
+from fingerlab.models.file import DIAGNOSIS_METHOD, SavedModel, load_model, save_model
 from fingerlab.prediction import fit_extended, model_of_extended
 from fingerlab.rig.file import default_rig
 from fingerlab.sessions import open_session
@@ -77,7 +77,7 @@ def written(path: Path, effects: dict[str, dict[str, float]], **bench: tuple[flo
         for key, (value, half) in bench.items()
     }
     shapes = {name: {"travel_deg": 0.4, "sharpness": 1.0} for name in effects if "coulomb" in name}
-    save_model(Model(DIAGNOSIS_METHOD, parameters, (), tuple(effects), {"shapes": shapes}), path)
+    save_model(SavedModel(DIAGNOSIS_METHOD, parameters, (), tuple(effects), {"shapes": shapes}), path)
     return path
 
 

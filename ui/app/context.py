@@ -342,7 +342,7 @@ class ApplicationContext(QObject):
         self.trajectory_handed.emit(dict(trajectory), title)
 
     def hand_model(self, model: Any, name: str) -> None:
-        """Hand a fitted model (``models.file.Model``) to Predict and show it."""
+        """Hand a fitted model (``models.file.SavedModel``) to Predict and show it."""
         self.show_tab("predict")
         self.model_handed.emit(model, name)
 

@@ -52,7 +52,7 @@ RIGHT = Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
 
 
 @dataclass(frozen=True)
-class Change:
+class ParameterChange:
     """What was done by hand: values moved, by key, SI, and keys that are to be held."""
 
     moved: Mapping[str, float]
@@ -70,11 +70,11 @@ class ParametersPanel(QWidget):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.setObjectName("parametersPanel")
-        self.history: UndoSteps[Change] = UndoSteps(self)
+        self.history: UndoSteps[ParameterChange] = UndoSteps(self)
         self.what_if: WhatIf | None = None
         self._at_hand: ParametersAtHand | None = None
         self._held: Mapping[str, float] = {}
-        self._now = Change({}, frozenset())
+        self._now = ParameterChange({}, frozenset())
         self._moving = ""  # the parameter whose moves are one step until it is let go
         self._busy = False
         self._make()
@@ -120,7 +120,7 @@ class ParametersPanel(QWidget):
         self.field.valueChanged.connect(self._on_field)
         self.follow.toggled.connect(lambda _on: self._recompute())
         self.hold.clicked.connect(self._toggle_hold)
-        self.reset.clicked.connect(lambda: self._do(Change({}, self._now.hold)))
+        self.reset.clicked.connect(lambda: self._do(ParameterChange({}, self._now.hold)))
         self.refit.clicked.connect(self._ask_refit)
         self.back.clicked.connect(self.closed)
 
@@ -137,11 +137,11 @@ class ParametersPanel(QWidget):
             told = diagnosis is None or diagnosis.fitted is not None
             self.words.setText("Laying out …" if told else "This comparison kept no fit to move.")
             self.table.setRowCount(0)
-            self._now = Change({}, frozenset())
+            self._now = ParameterChange({}, frozenset())
             self._show_chosen()
             return
         known = {one.key for one in at_hand.parameters}
-        self._now = Change({k: v for k, v in moved if k in known}, frozenset(self._held))
+        self._now = ParameterChange({k: v for k, v in moved if k in known}, frozenset(self._held))
         keys = [one.key for one in at_hand.parameters]
         with QSignalBlocker(self.table):
             self.table.setRowCount(len(keys))
@@ -260,7 +260,7 @@ class ParametersPanel(QWidget):
             self._let_go()
 
     def _move(self, one: FittedParameter, value: float) -> None:
-        change = Change({**self._now.moved, one.key: value}, self._now.hold)
+        change = ParameterChange({**self._now.moved, one.key: value}, self._now.hold)
         if self._moving == one.key:
             self._now = change
             self._recompute()
@@ -275,12 +275,12 @@ class ParametersPanel(QWidget):
     def _toggle_hold(self) -> None:
         one = self._chosen()
         if one is not None:
-            self._do(Change(self._now.moved, self._now.hold ^ {one.key}))
+            self._do(ParameterChange(self._now.moved, self._now.hold ^ {one.key}))
 
     def _ask_refit(self) -> None:
         self.refit_asked.emit(self.wanted())
 
-    def _do(self, change: Change) -> None:
+    def _do(self, change: ParameterChange) -> None:
         self.history.add(self._now)
         self._show(change)
 
@@ -292,7 +292,7 @@ class ParametersPanel(QWidget):
         """What was taken back, again."""
         self._show(self.history.forth(self._now))
 
-    def _show(self, change: Change) -> None:
+    def _show(self, change: ParameterChange) -> None:
         self._now = change
         self._recompute()
         if not self._moving:

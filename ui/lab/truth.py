@@ -37,7 +37,7 @@ from .controller import LabController, ModelHistory
 from .result_words import NOTHING, UNKNOWN, error_texts, motor_words, next_experiment_words
 
 if TYPE_CHECKING:
-    from fingerlab.models.file import Model
+    from fingerlab.models.file import SavedModel
 
 FLOORS = (
     "Error over all equations on these runs, in multiples of the floor (1.00), by fits that have not seen "
@@ -356,7 +356,7 @@ class ResultActions(QObject):
     def _fit(self) -> Work:
         sessions, (added, held) = self._controller.sessions, self._model()
 
-        def work(progress: Progress, cancelled: IsCancelled) -> Model:
+        def work(progress: Progress, cancelled: IsCancelled) -> SavedModel:
             from fingerlab.prediction import fit_extended, model_of_extended
 
             return model_of_extended(fit_extended(sessions, added, progress, dict(held)))

@@ -11,7 +11,7 @@ from PySide6.QtCore import QEvent, QObject, Qt
 from PySide6.QtWidgets import QFileDialog, QStackedWidget, QWidget
 
 from fingerlab.core.errors import UserError
-from fingerlab.models.file import DIAGNOSIS_METHOD, Model, load_model
+from fingerlab.models.file import DIAGNOSIS_METHOD, SavedModel, load_model
 
 from ..app.context import ApplicationContext
 from ..app.tab_registry import Command, Tab
@@ -56,11 +56,11 @@ class PredictTab(Tab):
     def __init__(self, context: ApplicationContext) -> None:
         super().__init__(context)
         self.sessions: tuple[Session, ...] = ()
-        self.models: dict[str, Model] = {}
+        self.models: dict[str, SavedModel] = {}
         self.found: Beside | None = None
         self._compared: ModelsDialog | None = None
         self._due = self._shown = False
-        self._steps: UndoSteps[tuple[dict[str, Model], Beside | None]] = UndoSteps(self)
+        self._steps: UndoSteps[tuple[dict[str, SavedModel], Beside | None]] = UndoSteps(self)
         self._given: tuple[object, object] = ((), ())
         self.panel = PredictPanel()
         self.force, self.period, self.sweep = ForcePlot(), PeriodPlot(), SweepPlot()
@@ -199,7 +199,7 @@ class PredictTab(Tab):
             self.found = replace(self.found, forces=kept) if kept else None
         self._refresh()
 
-    def _predict(self, models: Mapping[str, Model]) -> None:
+    def _predict(self, models: Mapping[str, SavedModel]) -> None:
         if not self.sessions:
             self.models = dict(models)
             self._refresh()

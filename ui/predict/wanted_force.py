@@ -22,7 +22,7 @@ from PySide6.QtWidgets import (
 
 from fingerlab.core.errors import UserError
 from fingerlab.core.text import MILLI_NEWTON_METRE, NEWTON, decimals_for, fixed
-from fingerlab.models.file import Model
+from fingerlab.models.file import SavedModel
 from fingerlab.prediction.inverse import TorquePlan
 
 from ..app.context import ApplicationContext
@@ -233,7 +233,7 @@ class WantedView(QObject):
         self.panel.save_asked.connect(self.ask_and_save)
         self.panel.hand_asked.connect(self.hand)
 
-    def take(self, session: Session | None, models: Mapping[str, Model]) -> None:
+    def take(self, session: Session | None, models: Mapping[str, SavedModel]) -> None:
         """Another session, or other models."""
         from fingerlab.prediction.extended import Variant
         from fingerlab.prediction.inverse import predictors

@@ -29,7 +29,7 @@ from fingerlab.devices.faults import FAULT_KINDS
 from fingerlab.devices.ni.card import NiCard
 from fingerlab.devices.protocol import VirtualClock
 from fingerlab.devices.simulated import SimulatedBench, Simulation
-from fingerlab.models.file import DIAGNOSIS_METHOD, Model, save_model
+from fingerlab.models.file import DIAGNOSIS_METHOD, SavedModel, save_model
 from fingerlab.rig.file import default_rig, load_rig
 from fingerlab.sessions import open_session
 from fingerlab.ui.acquire import acquire_tab
@@ -125,7 +125,9 @@ def test_the_bench_of_a_saved_model_is_simulated(  # type: ignore[no-untyped-def
     friction = {"motor_coulomb_friction.coulomb": ParameterEstimate(6e-3, "N m", 5.9e-3, 6.1e-3)}
     shapes = {"motor_coulomb_friction": {"travel_deg": 0.4, "sharpness": 1.0}}
     file.unlink()
-    save_model(Model(DIAGNOSIS_METHOD, friction, (), ("motor_coulomb_friction",), {"shapes": shapes}), file)
+    save_model(
+        SavedModel(DIAGNOSIS_METHOD, friction, (), ("motor_coulomb_friction",), {"shapes": shapes}), file
+    )
     rig.connect("connectSimulated")
     assert rig.controller.opened.simulated
     assert '"preset": "found.json"' in str(rig.controller.opened.attributes)

@@ -12,7 +12,7 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QFileDialog, QListWidget, QPlainTextEdit, QPushButton
 from pytestqt.qtbot import QtBot
 
-from fingerlab.models.file import Model, project_path, save_model
+from fingerlab.models.file import SavedModel, project_path, save_model
 from fingerlab.ui.app.window import MainWindow
 
 from ..hands import PATIENCE, child, click, invented_diagnosis, lab_of, wait_for_result
@@ -87,8 +87,8 @@ def test_a_saved_model_opens_in_the_lab(
 ) -> None:
     window = begin(qtbot, make_window, session_file)
     saved = tmp_path / "model.json"
-    save_model(Model("diagnosis", {}, (), ("coulomb_friction",)), saved)
-    save_model(Model("regions", {}, ()), tmp_path / "fit.json")
+    save_model(SavedModel("diagnosis", {}, (), ("coulomb_friction",)), saved)
+    save_model(SavedModel("regions", {}, ()), tmp_path / "fit.json")
     asked = [str(tmp_path / "fit.json"), str(saved)]
     monkeypatch.setattr(QFileDialog, "getOpenFileName", staticmethod(lambda *_: (asked.pop(0), "")))
     lab_of(window).open_model()

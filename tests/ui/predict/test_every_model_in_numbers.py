@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fingerlab.models.file import Model, ParameterEstimate
+from fingerlab.models.file import ParameterEstimate, SavedModel
 from fingerlab.prediction.comparing import RunForce, predict_beside
 from fingerlab.sessions import SessionWriter, open_session
 from fingerlab.thesis.contact import parameter_sets, predict_session
@@ -58,7 +58,7 @@ def parameters_of(*regions: str) -> dict[str, ParameterEstimate]:
 
 def forces(path: Path, *regions: str) -> dict[str, RunForce]:
     """The force by each set that the regions make, of the true parameters, by the set's name."""
-    found = predict_beside(open_session(path), {"m": Model("regions", parameters_of(*regions), ())})
+    found = predict_beside(open_session(path), {"m": SavedModel("regions", parameters_of(*regions), ())})
     return {name.split(", ")[1]: by_run["001"] for name, by_run in found.forces.items()}
 
 
@@ -91,7 +91,7 @@ def test_the_command_judges_by_the_same_period(settling: Path) -> None:
     """What ``fingerlab predict`` prints of a run that settles first is what the window shows."""
     regions = ("flexion", "static_1", "extension", "static_2")
     shown = forces(settling, *regions)
-    model = Model("regions", parameters_of(*regions), ())
+    model = SavedModel("regions", parameters_of(*regions), ())
     printed = predict_session(open_session(settling), parameter_sets(model, "m"))
     assert printed.runs[0].periods > 0
     assert [step.angle_deg for step in printed.sweep] == [step.angle_deg for step in shown["extension"].sweep]

@@ -15,7 +15,7 @@ from PySide6.QtWidgets import QComboBox, QDoubleSpinBox, QFileDialog, QLabel, QP
 from pytestqt.qtbot import QtBot
 
 from fingerlab.acquisition.control.trajectories import read_trajectory
-from fingerlab.models.file import Model, ParameterEstimate, load_model, save_model
+from fingerlab.models.file import ParameterEstimate, SavedModel, load_model, save_model
 from fingerlab.prediction.comparing import predict_beside
 from fingerlab.rig.file import Finger, Motor, Rig
 from fingerlab.sessions import SessionWriter, open_session
@@ -69,7 +69,7 @@ def model_files(tmp_path: Path) -> tuple[Path, Path]:
             "flexion/pip/extension/moment_arm": ParameterEstimate(arm, "m", arm, arm),
             "flexion/pip/extension/friction_loss": ParameterEstimate(LOSS, "N m", LOSS, LOSS),
         }
-        save_model(Model("flexion-extension", parameters, ()), place)
+        save_model(SavedModel("flexion-extension", parameters, ()), place)
     return places
 
 
@@ -243,7 +243,7 @@ def test_a_force_that_drifts_has_no_seam_inside_its_period(in_contact: Path, tmp
         "flexion/pip/extension/moment_arm": ParameterEstimate(B, "m", B, B),
         "flexion/pip/extension/friction_loss": ParameterEstimate(LOSS, "N m", LOSS, LOSS),
     }
-    model = Model("flexion-extension", parameters, ())
+    model = SavedModel("flexion-extension", parameters, ())
     (by_run,) = predict_beside(open_session(path), {"m": model}).forces.values()
     steps = np.diff(by_run["001"].modelled_period)
     # A sine scaled to 0..1 rises by at most pi / k from one of k points to the next.
