@@ -79,8 +79,8 @@ def run(root: Path, words: list[str]) -> str:
 def measured(root: Path, session: Path, effect: str) -> dict[str, Seconds]:
     """All steps once."""
     found = {
-        name: tuple(told)
-        for name, told in json.loads(run(root, ["-c", MEASURING, str(session), effect])).items()
+        name: tuple(seconds)
+        for name, seconds in json.loads(run(root, ["-c", MEASURING, str(session), effect])).items()
     }
     wall, processor = time.perf_counter(), os.times()
     run(root, ["-m", "fingerlab", "diagnose", str(session), "--json", "-"])

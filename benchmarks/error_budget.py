@@ -64,8 +64,8 @@ def main() -> None:
         print(f"| {name} | {len(found)} of {len(seeds)} | {' | '.join(cells)} |", flush=True)
     off = np.abs(every)
     for k, family in enumerate(FAMILIES):
-        told = ", ".join(f"{q} %: {np.percentile(off[:, k], q):.1f}" for q in (50, 80, 90, 100))
-        print(f"{family}: |part - fall| in percentage points, {len(off)} benches: {told}", flush=True)
+        percentiles = ", ".join(f"{q} %: {np.percentile(off[:, k], q):.1f}" for q in (50, 80, 90, 100))
+        print(f"{family}: |part - fall| in percentage points, {len(off)} benches: {percentiles}", flush=True)
 
 
 if __name__ == "__main__":

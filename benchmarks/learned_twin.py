@@ -49,9 +49,9 @@ def one(name: str, protocol: str, seed: int, folder: Path) -> tuple[Sequence[str
     apart = math.nan  # an effect without values of its own sets constants of the bench free
     for key, value in other.final_parameters.items():
         if key in model.parameters and key.partition(".")[0] in EFFECTS:
-            told = model.parameters[key]
-            half = math.hypot(0.5 * (told.high - told.low), 0.5 * (value.high - value.low))
-            apart = np.fmax(apart, abs(told.value - value.value) / max(half, 1e-30))
+            given = model.parameters[key]
+            half = math.hypot(0.5 * (given.high - given.low), 0.5 * (value.high - value.low))
+            apart = np.fmax(apart, abs(given.value - value.value) / max(half, 1e-30))
     return found.final_model, other.final_model, float(apart)
 
 

@@ -161,8 +161,8 @@ def with_standstills(timed: Timed, standstills: Standstills, stopped_at: list[fl
     if standstills.moments is None:
         return timed
     lengths = [1e3 * seconds for _, seconds in standstills.moments]
-    told = [standstills.in_the(LOOK_S + SEEN_S, moment) for moment in stopped_at]
-    return replace(timed, stood_ms=lengths, stops_stood=sum(told))
+    stood = [standstills.in_the(LOOK_S + SEEN_S, moment) for moment in stopped_at]
+    return replace(timed, stood_ms=lengths, stops_stood=sum(stood))
 
 
 def _recorded(

@@ -88,12 +88,12 @@ def page(results: list[Timed], speeds: dict[int, float], rate_hz: float) -> str:
     rows.insert(1, "|---|" + "---|" * len(results))
     speed = "\n".join(f"| {piece} | {rate:,.0f} | {rate / rate_hz:.0f} |" for piece, rate in speeds.items())
     stops = "".join(f"- {sentence}\n" for r in results for sentence in r.stops)
-    told = (
+    stops_text = (
         f"\nWhat stopped the motor, each time begun anew by hand as after any fault:\n\n{stops}"
         if stops
         else ""
     )
-    return TEXT.format(rows="\n".join(rows), stops=told, speed=speed, machine=machine_words())
+    return TEXT.format(rows="\n".join(rows), stops=stops_text, speed=speed, machine=machine_words())
 
 
 TEXT = """# Real time

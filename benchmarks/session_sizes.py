@@ -172,9 +172,9 @@ def table(results: Results, sizes: list[int]) -> list[str]:
 def page(results: Results, sizes: list[int], loads: tuple[float, float], speed: str) -> str:
     """The measurements as Markdown, ratios first."""
     busy = loads[0] >= BUSY_LOAD
-    told = f"load average {loads[0]:.1f} before, {loads[1]:.1f} after"
+    load_text = f"load average {loads[0]:.1f} before, {loads[1]:.1f} after"
     command = f"python -m benchmarks.session_sizes {' '.join(map(str, sizes))}"
-    head = ["# Benchmarks", "", f"Made with `{command}` on {machine_words()}, {told}; {code_words()}."]
+    head = ["# Benchmarks", "", f"Made with `{command}` on {machine_words()}, {load_text}; {code_words()}."]
     if busy:
         head += [
             "Other programs shared the machine, so that times are longer than on a machine of one's own."

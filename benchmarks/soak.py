@@ -124,7 +124,7 @@ class Sums:
             digest.update(np.ascontiguousarray(channels[name], dtype=kind).tobytes())
         self.samples += len(channels[CHANNELS[0]])
 
-    def told(self) -> dict[str, str]:
+    def hexdigests(self) -> dict[str, str]:
         """Channel -> digest."""
         return {name: digest.hexdigest() for name, digest in self._digests.items()}
 
@@ -242,7 +242,7 @@ def soak(hours: float, processes: bool, card: bool, path: Path) -> Soaked:
         published.samples,
         found.sums.samples,
         found.irregular,
-        found.sums.told() == published.told(),
+        found.sums.hexdigests() == published.hexdigests(),
         status.unread,
         status.lost,
         found.ended,

@@ -34,10 +34,10 @@ class Standstills:
     def __init__(self) -> None:
         self.moments: list[tuple[float, float]] | None = None
 
-    def take(self, told: list[tuple[float, float]]) -> None:
+    def take(self, moments: list[tuple[float, float]]) -> None:
         """Take what all cores told; what overlaps is one moment."""
         self.moments = []
-        for begin, seconds in sorted(told):
+        for begin, seconds in sorted(moments):
             if self.moments and begin <= sum(self.moments[-1]):
                 first, length = self.moments[-1]
                 self.moments[-1] = first, max(length, begin + seconds - first)
@@ -68,9 +68,9 @@ def watched() -> Iterator[Standstills]:
     try:
         yield found
     finally:
-        told = [process.communicate()[0].split() for process in each]  # its input ends, and so does it
+        outputs = [process.communicate()[0].split() for process in each]  # its input ends, and so does it
         if all(process.returncode == 0 for process in each):
-            numbers = [[float(word) for word in words] for words in told]
+            numbers = [[float(word) for word in words] for words in outputs]
             found.take([pair for one in numbers for pair in zip(one[::2], one[1::2], strict=True)])
 
 

@@ -40,7 +40,7 @@ ROWS = (
 )
 """Parts from the top down: place across the drawing, and what they are. Imports lead to rows further down."""
 GROUND = ("core", "rig", "sessions")
-TOLD = ("control",)
+COMMANDING = ("control",)
 """Rooms of ``acquisition`` that say what the motor is told, and know no device."""
 WIDTH, ROW, BOX_WIDTH, BOX_HEIGHT = 880.0, 92.0, 182.0, 46.0
 Edge = tuple[str, str]
@@ -53,7 +53,7 @@ def part_of(words: tuple[str, ...]) -> str:
     name = words[1] if len(words) > 1 else ""
     if name in GROUND:
         return "ground"
-    return "told" if name == "acquisition" and len(words) > 2 and words[2] in TOLD else name
+    return "told" if name == "acquisition" and len(words) > 2 and words[2] in COMMANDING else name
 
 
 @cache

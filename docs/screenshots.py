@@ -88,9 +88,9 @@ def main() -> None:
 
 def keep_facts(path: Path) -> None:
     """Write what the window said; what was there of other tabs stays."""
-    told = {name.split(".")[0] for name in FACTS}
+    tabs = {name.split(".")[0] for name in FACTS}
     old = tomllib.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
-    old = {name: value for name, value in old.items() if name.split(".")[0] not in told}
+    old = {name: value for name, value in old.items() if name.split(".")[0] not in tabs}
     lines = [f'"{name}" = "{value}"' for name, value in sorted({**old, **FACTS}.items())]
     text = "# Made by docs/screenshots.py: what the window says in the pictures.\n" + "\n".join(lines) + "\n"
     path.write_text(text, encoding="utf-8")

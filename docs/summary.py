@@ -31,7 +31,7 @@ def summary(folder: Path) -> str:
             _drafted,
             _changed,
             _probabilities,
-            _foretold,
+            _proposed_runs,
             _replicate,
             _faults,
             _sessions,
@@ -113,7 +113,7 @@ def _probabilities(folder: Path) -> Iterator[str]:
             yield _line(what, row[1], "probabilities.md", "Probabilities")
 
 
-def _foretold(folder: Path) -> Iterator[str]:
+def _proposed_runs(folder: Path) -> Iterator[str]:
     _, rows = table(folder / "foretold.md", "what", "figure")
     for what, figure, *_ in rows:
         if "factor of two" in what or "alone in the set after" in what or "first after" in what:

@@ -400,5 +400,5 @@ class Recorder:
 
 def _reason(error: Exception) -> str:
     text = str(getattr(error, "strerror", None) or " ".join(str(error).split()))
-    told = re.search("error message = '([^']+)'", text)  # HDF5 wraps the system's words into its own
-    return told[1] if told else text
+    matched = re.search("error message = '([^']+)'", text)  # HDF5 wraps the system's words into its own
+    return matched[1] if matched else text

@@ -49,13 +49,13 @@ def read_level(text: str) -> Level:
     Raises:
         UserError: it names no quantity, no number, or the wrong unit.
     """
-    told = _WRITTEN.fullmatch(text)
+    matched = _WRITTEN.fullmatch(text)
     known = [name for name, unit in UNITS.items() if unit]
-    if told is None or told[1] not in known:
+    if matched is None or matched[1] not in known:
         raise UserError(
             f"The trigger is {text!r}; it should be {TRIGGER_HELP}, of one of {', '.join(known)}."
         )
-    column, way, number, unit = told.groups()
+    column, way, number, unit = matched.groups()
     try:
         level = float(number)
     except ValueError:
@@ -294,15 +294,15 @@ class OpenRun:
     def verdict(self, number: int) -> str:
         """What was recorded is worth, as one sentence."""
         rate = self.info.sample_rate_hz
-        told = f"Run {number}: {self.writer.length / rate:.1f} s"
+        text = f"Run {number}: {self.writer.length / rate:.1f} s"
         if not self.gaps:
-            return f"{told}, nothing missing; usable."
+            return f"{text}, nothing missing; usable."
         gaps = "1 gap" if self.gaps == 1 else f"{self.gaps} gaps"
-        told += f", {gaps} with {self.dropped} {'sample' if self.dropped == 1 else 'samples'} missing"
+        text += f", {gaps} with {self.dropped} {'sample' if self.dropped == 1 else 'samples'} missing"
         if self.usable:
-            return f"{told}; usable, piece by piece between them (the longest {self.longest / rate:.1f} s)."
+            return f"{text}; usable, piece by piece between them (the longest {self.longest / rate:.1f} s)."
         return (
-            f"{told}; not usable: no piece between them lasts {USABLE_S:g} s, close other programs and take "
+            f"{text}; not usable: no piece between them lasts {USABLE_S:g} s, close other programs and take "
             "the run again."
         )
 

@@ -118,9 +118,9 @@ def shared_effects(
     """Every effect that was found on either bench, those that both have first, then by its id."""
     count = len(first.rows)
     rows = with_strengths([*first.rows, *second.rows])
-    told = [_shared(effect, rows[:count], rows[count:], units) for effect in found_effects(rows)]
+    shared = [_shared(effect, rows[:count], rows[count:], units) for effect in found_effects(rows)]
     order = ("same", "differs", "first", "second", "neither", "")
-    return sorted(told, key=lambda one: (order.index(one.likeliest), one.effect))
+    return sorted(shared, key=lambda one: (order.index(one.likeliest), one.effect))
 
 
 def _shared(
@@ -136,8 +136,8 @@ def _shared(
         logs, ranges = weigh_two(sides[0], sides[1], prior_of(column, np.zeros(0)).size)
         weights = {kind: weights[kind] + logs[kind] for kind in weights}
         unit = units.get(column) or units.get(f"alone.{column.partition('.')[2]}", "1")
-        told = (ParameterEstimate(r.value, unit, r.low, r.high) for r in ranges)
-        strengths.append(StrengthOnTwo(column, *told))
+        estimates = (ParameterEstimate(r.value, unit, r.low, r.high) for r in ranges)
+        strengths.append(StrengthOnTwo(column, *estimates))
     if not strengths:
         return SharedEffect(effect, {}, counts, ())
     top = max(weights[kind] + math.log(share) for kind, share in BETWEEN.items())
@@ -181,8 +181,8 @@ def weigh_two(
         p.append((known * mean)[:, None])
     v = 1.0 / (np.array(SIZES) * size) ** 2  # (1, sizes): of one strength beforehand
 
-    def gain(of: Array, told: Array) -> Array:
-        return 0.5 * np.log(v / (of + v)) + 0.5 * told**2 / (of + v)
+    def gain(of: Array, weighted: Array) -> Array:
+        return 0.5 * np.log(v / (of + v)) + 0.5 * weighted**2 / (of + v)
 
     grid = flat[:, None] - math.log(len(SIZES))
     each = [gain(a[0], p[0]), gain(a[1], p[1])]
@@ -195,7 +195,7 @@ def weigh_two(
     }
     logs = {kind: float(np.logaddexp.reduce(part, axis=None)) for kind, part in parts.items()}
     weight = np.exp(parts["differs"] - parts["differs"].max())
-    means = [told / (of + v) for of, told in zip(a, p, strict=True)]
+    means = [weighted / (of + v) for of, weighted in zip(a, p, strict=True)]
     spreads = [np.broadcast_to(1.0 / (of + v), weight.shape) for of in a]
     ranges = [
         quantiles(mean.ravel(), np.sqrt(spread).ravel(), weight.ravel())

@@ -58,9 +58,9 @@ class NumberCourse:
     course: Course
     leans_on: tuple[str, ...] = ()
 
-    def estimate(self, told: Estimate) -> ParameterEstimate:
+    def estimate(self, estimated: Estimate) -> ParameterEstimate:
         """A level or a size of the course, with its unit."""
-        return ParameterEstimate(told.value, self.unit, told.low, told.high)
+        return ParameterEstimate(estimated.value, self.unit, estimated.low, estimated.high)
 
 
 @dataclass(frozen=True)
@@ -131,8 +131,8 @@ def course_columns(rows: Sequence[Row]) -> list[str]:
     The errors only follow. An effect that was found somewhere is followed by its strength in the models.
     """
     strong = [column for effect in found_effects(rows) for column in strength_columns(effect, rows)]
-    told = {effect_of(column) for column in strong}
-    usual = [column for column in followed_columns(rows)[2:] if effect_of(column) not in told]
+    covered = {effect_of(column) for column in strong}
+    usual = [column for column in followed_columns(rows)[2:] if effect_of(column) not in covered]
     return list(dict.fromkeys([*usual, *strong]))
 
 
@@ -143,7 +143,7 @@ def courses(rows: Sequence[Row], units: Mapping[str, str]) -> list[NumberCourse]
     seconds = np.array([number_of(row.get("recorded_seconds")) for row in usable])
     used = np.concatenate(([0.0], np.cumsum(seconds)[:-1])) if len(usable) else seconds
     change = one_of_many(len(columns) + len(found_effects(usable)))
-    told = []
+    result = []
     for column in columns:
         known, values, errors = series(usable, column)
         if not known:
@@ -155,10 +155,10 @@ def courses(rows: Sequence[Row], units: Mapping[str, str]) -> list[NumberCourse]
             from_nothing = prior.absent or is_loss(column.removeprefix("param."))
             unit = units.get(column) or units.get(_alone(column), "1")
             leans_on = tuple(_leans_on(column, [usable[i] for i in known]))
-            told.append(
+            result.append(
                 NumberCourse(column, unit, effect_of(column), names, when, from_nothing, one, leans_on)
             )
-    return told
+    return result
 
 
 def _leans_on(column: str, rows: Sequence[Row]) -> list[str]:
@@ -188,8 +188,8 @@ def changes(
     usable = with_strengths(ageing_rows(rows))
     days, effects = days_of(usable), found_effects(usable)
     prior = one_of_many(len(course_columns(usable)) + len(effects))
-    told = courses(rows, units) if known is None else known
-    found = [_of_column(usable, one) for one in told if one.course.step >= PROBABLE]
+    all_courses = courses(rows, units) if known is None else known
+    found = [_of_column(usable, one) for one in all_courses if one.course.step >= PROBABLE]
     found += [c for effect in effects if (c := _of_effect(usable, days, effect, prior)) is not None]
     moments: dict[str, list[BenchChange]] = {}
     for change in found:

@@ -230,10 +230,10 @@ def course(
         chances[one.law.kind] += float(weight.sum())
     places, odd = (_of_places(each, kinds, len(values)) for kinds in (STEPS, ("odd",)))
     kinds = likeliest(chances)
-    told = [(one, weight) for one, weight in each if one.law.kind in kinds]
+    chosen = [(one, weight) for one, weight in each if one.law.kind in kinds]
     nominal = prior.nominal
     first, last, by = (
-        _mixture(told, ends, nominal, may_be.common)
+        _mixture(chosen, ends, nominal, may_be.common)
         for ends in (_first, _last, _odd_size if kinds == ("odd",) else _size)
     )  # fmt: skip
     spread = sum(weight.sum(axis=(0, 2)) for _, weight in each)

@@ -338,23 +338,25 @@ def run_batch(
     tasks = find_sessions(folder)
     if not out.parent.is_dir():
         raise UserError(f"The folder {out.parent} does not exist; make it first or choose another place.")
-    told: Progress = progress or (lambda share, what: None)
+    report: Progress = progress or (lambda share, what: None)
     table = read_table(out)
-    told(0.0, f"reading {len(tasks)} sessions")
+    report(0.0, f"reading {len(tasks)} sessions")
     hashes = _hashes(tasks)
     if table is not None:
         _refuse_other(out, table, folder, options, hashes)
     before = table or Contents(str(folder.resolve()), options.added)
     parts = Parts.of(out)
     plan = _plan(tasks, hashes, [*before.rows, *(p.row for p in parts.read())], options, retry)
-    told(0.0, f"{len(plan.todo)} of {len(tasks)} sessions to do")
+    report(0.0, f"{len(plan.todo)} of {len(tasks)} sessions to do")
     outcomes: list[SessionRow] = []
     for outcome in runner(plan.todo, options) if plan.todo else ():
         parts.keep(outcome)
         outcomes.append(outcome)
         if found is not None:
             found(outcome.row)
-        told(len(outcomes) / len(plan.todo), f"{len(outcomes)} of {len(plan.todo)}, {outcome.row['session']}")
+        report(
+            len(outcomes) / len(plan.todo), f"{len(outcomes)} of {len(plan.todo)}, {outcome.row['session']}"
+        )
         if cancelled is not None and cancelled():
             raise Cancelled
     gone = _gone(before.rows, tasks, hashes)
@@ -404,9 +406,9 @@ def _gone(rows: Iterable[Row], tasks: Sequence[Task], hashes: dict[str, str]) ->
 def _refuse_other(out: Path, table: Contents, folder: Path, options: Options, hashes: dict[str, str]) -> None:
     """A table goes on only with the same question, about the same sessions."""
     if set(table.added) != set(options.added):
-        told = " ".join(f"--add {name}" for name in table.added) or "no --add"
+        flags = " ".join(f"--add {name}" for name in table.added) or "no --add"
         raise UserError(
-            f"{out} was made with {told}, and its answers are to another question; choose another name for "
+            f"{out} was made with {flags}, and its answers are to another question; choose another name for "
             "--out, or ask the same."
         )
     common = {row.get("sha256") for row in table.rows} & set(hashes.values())

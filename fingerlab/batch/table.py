@@ -237,13 +237,13 @@ def read_table(path: Path) -> Contents | None:
     refusal = f"{path} is not a table of 'fingerlab batch' and is not touched; choose another name for --out."
     try:
         schema = pq.read_schema(path)
-        told = json.loads((schema.metadata or {})[MARK])
-        if told["schema"] != SCHEMA_VERSION:
+        header = json.loads((schema.metadata or {})[MARK])
+        if header["schema"] != SCHEMA_VERSION:
             raise UserError(
-                f"{path} has version {told['schema']} of the table; this program reads {SCHEMA_VERSION}."
+                f"{path} has version {header['schema']} of the table; this program reads {SCHEMA_VERSION}."
             )
         rows = pq.read_table(path, schema=schema).drop_columns(["recorded"]).to_pylist()
-        folder, added = str(told["folder"]), tuple(str(name) for name in told["added"])
+        folder, added = str(header["folder"]), tuple(str(name) for name in header["added"])
     except OSError as error:
         if isinstance(error, PermissionError):
             raise UserError(f"{path} cannot be read ({error.strerror}); close it elsewhere.") from None
@@ -267,8 +267,8 @@ def write_table(path: Path, contents: Contents) -> None:
         pa.field(name, kind, metadata={"unit": units[name]} if name in units else None)
         for name, kind in types.items()
     ]
-    told = {"schema": SCHEMA_VERSION, "folder": contents.folder, "added": list(contents.added)}
-    schema = pa.schema(fields, metadata={MARK: json.dumps(told).encode()})
+    header = {"schema": SCHEMA_VERSION, "folder": contents.folder, "added": list(contents.added)}
+    schema = pa.schema(fields, metadata={MARK: json.dumps(header).encode()})
     rows = [{**row, "recorded": recorded_at(row.get("created"))} for row in contents.rows]
     advice = (
         "close it elsewhere and give it room, then start the same batch again: what is done is kept beside "

@@ -191,11 +191,11 @@ def outcome_from_files(
     moves: list[Move] = []
     notes: list[str] = []
 
-    def told_of(number: int) -> Progress:
+    def progress_of(number: int) -> Progress:
         return lambda share, what: progress((number + share) / len(paths), what)
 
     for number, (path, sweep) in enumerate(zip(paths, (FIRST, SECOND), strict=False)):
-        recording = read_recording(path, sensor, column, progress=told_of(number))
+        recording = read_recording(path, sensor, column, progress=progress_of(number))
         available = count_steps(recording.time, timing)
         planned = _moves(sensor, available, sweep, len(paths) == 1)
         steps += find_steps(recording.time, recording.volts, len(planned), timing)

@@ -264,11 +264,11 @@ def apply_again(
             dataset = copy[f"runs/{run}/{CHANNELS[name][1]}"]
             dataset[...] = values.astype(dataset.dtype)
         write_attributes(copy, attributes)
-    told = []
+    sentences = []
     for name, record in used.items():
         runs = sum(1 for _, one, _ in pieces if one == name)
-        told.append(f"{name}: {runs} {'run' if runs == 1 else 'runs'} by {record.title}")
-    return target, told
+        sentences.append(f"{name}: {runs} {'run' if runs == 1 else 'runs'} by {record.title}")
+    return target, sentences
 
 
 def _recalculated(

@@ -141,8 +141,8 @@ class _Two:
 
 
 def _story(name: str, rows: Sequence[Row], contents: Contents) -> _Story:
-    told = courses(rows, contents.units)
-    return _Story(name, changes(rows, contents.units, told), told)
+    number_courses = courses(rows, contents.units)
+    return _Story(name, changes(rows, contents.units, number_courses), number_courses)
 
 
 def _two(contents: Contents, first: str, second: str) -> _Two:

@@ -120,10 +120,10 @@ def diagnose(
         from fingerlab.report.diagnosis_figures import diagnosis_figures
 
         drawn = (diagnosis_figures(result), figures)
-    told = (
+    answer = (
         result.to_json() if laws is None else {**result.to_json(), "draft": [law.to_json() for law in laws]}
     )
-    write_results(told, json_target, saved, drawn)
+    write_results(answer, json_target, saved, drawn)
     if own_file is not None and laws:
         from fingerlab.diagnosis.draft.own_file import own_effect_text
         from fingerlab.effects.own import save_own
@@ -275,14 +275,14 @@ def _print_budget(console: Console, result: Diagnosis) -> None:
 
     from fingerlab.report.budget_words import budget_table, mend_rows, mending_sentence
 
-    told = budget_table(result.budget)
-    if told is None:
+    budget = budget_table(result.budget)
+    if budget is None:
         return
-    columns = ("part", *(f">{title.lower()}" for title in told.families))
+    columns = ("part", *(f">{title.lower()}" for title in budget.families))
     table = result_table(*columns, box=None, pad_edge=False, title="Of the squared error, %", title_style="")
-    for row in told.rows:
+    for row in budget.rows:
         table.add_row(row.title, *row.shares)
-    table.add_row("error (rms)", *told.errors)
+    table.add_row("error (rms)", *budget.errors)
     console.print(table)
     console.print(Text(mending_sentence(result)))
     for title, share, after, how in mend_rows(result)[1:]:
@@ -382,8 +382,8 @@ def report(
     if json_target is not None:
         written = {"pdf": pdf, "figures": figures, "equation": equation}
         more = {name: str(path) for name, path in written.items() if path is not None}
-        told = [step.to_json() for step in story((*before, result))]
-        write_json({**result.to_json(), "story": told, "report": str(out), **more}, json_target)
+        steps = [step.to_json() for step in story((*before, result))]
+        write_json({**result.to_json(), "story": steps, "report": str(out), **more}, json_target)
 
 
 def _check_places(

@@ -381,8 +381,13 @@ def inverse(
     if json_target != "-":
         _print(plan, name, out)
     if json_target is not None:
-        told = {**plan_json(plan), "session": str(session.path), "predictor": name, "predictors": list(known)}
-        write_json(told, json_target)
+        result = {
+            **plan_json(plan),
+            "session": str(session.path),
+            "predictor": name,
+            "predictors": list(known),
+        }
+        write_json(result, json_target)
 
 
 def _pose(session: Session, run_name: str | None, angles: tuple[float, float] | None) -> ContactPose:

@@ -161,7 +161,7 @@ def record(out: Path, json_target: str | None, **options: Any) -> None:
     What has been recorded is safe at every moment: a recording that was cut is repaired when it is opened.
     The simulated rig runs as fast as it can, unless it is asked for real time.
     """
-    from fingerlab.cli.record_session import Told, take
+    from fingerlab.cli.record_session import SessionOptions, take
     from fingerlab.devices.choosing import REPLAY
 
     files = [
@@ -199,7 +199,7 @@ def record(out: Path, json_target: str | None, **options: Any) -> None:
         if steps is None:
             steps, more = _trial_steps(options, rig)
             attributes |= more
-        told = Told(
+        session_options = SessionOptions(
             out=out,
             name=name,
             title=options["title"],
@@ -211,7 +211,7 @@ def record(out: Path, json_target: str | None, **options: Any) -> None:
             typed=options["commands"] == "-",
             asks=not simulated,  # where nobody has to change a cable
         )
-        path, samples, runs = take(bench, rig, steps, told, events, bar, report)
+        path, samples, runs = take(bench, rig, steps, session_options, events, bar, report)
         result = _result(path, name, samples)
         events.tell("written", result)
     click.echo(f"{counted(runs, 'run')}, {samples} samples, written to {path}.", err=True)
@@ -328,8 +328,8 @@ def _open(
     rig: Rig = device.rig if device is not None else choice.rig  # type: ignore[attr-defined, assignment]
     attributes: dict[str, Any] = dict(device.session_attributes) if isinstance(device, SelfDescribing) else {}
     if device is None:
-        rig, told = rig_and_attributes(rig, default_folder(options["rig_file"]))
-        attributes |= told
+        rig, calibrations = rig_and_attributes(rig, default_folder(options["rig_file"]))
+        attributes |= calibrations
     settings = LoopSettings(BenchUnits.from_rig(rig), rig.limits, _gains(options["gains"]))
     if device is None:
         check = last_check(rig, bench_key(choice), checks_folder(options["rig_file"]))

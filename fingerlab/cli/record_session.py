@@ -133,8 +133,8 @@ class Observer:
             return
         if driver.number != self._run:
             self._run = driver.number
-            told = {"run": driver.number, "phase": run.phase, "cable": run.cable, **run.attributes}
-            self._events.tell("run", {**told, "trajectory": dict(run.trajectory)})
+            begun = {"run": driver.number, "phase": run.phase, "cable": run.cable, **run.attributes}
+            self._events.tell("run", {**begun, "trajectory": dict(run.trajectory)})
         if self._recording and not driver.recording:
             now = self._status
             ended = {"run": driver.number, "samples": now.recorded, "gaps": now.gaps, "missing": now.dropped}
@@ -146,8 +146,8 @@ class Observer:
         now = driver.doing, math.ceil(driver.step_left_s), math.ceil(driver.left_s)
         if now != self._progress:
             self._progress = now
-            told = {"share": round(driver.share, 4), "doing": driver.doing}
-            self._events.tell("progress", {**told, "step_left_s": now[1], "left_s": now[2]})
+            progress = {"share": round(driver.share, 4), "doing": driver.doing}
+            self._events.tell("progress", {**progress, "step_left_s": now[1], "left_s": now[2]})
 
     def _readings(self) -> dict[str, Any]:
         from fingerlab.acquisition.bench.bench import line_words
@@ -155,15 +155,20 @@ class Observer:
         from fingerlab.acquisition.ring import COLUMN
 
         status = self._status
-        told: dict[str, Any] = {"time_s": status.index / self._bench.rate_hz, "mode": MODE_WORDS[status.mode]}
-        told |= {"recorded": status.recorded, "late_cycles": status.late, "lost_cycles": status.lost}
-        told |= {"cycle_s": self._cycles.mean, "longest_cycle_s": self._cycles.longest}
-        told |= {name: float(self._newest[COLUMN[name]]) for name in SHOWN}
-        told |= {name.replace(" ", "_").replace("-", "_"): word for name, word in line_words(status).items()}
+        readings: dict[str, Any] = {
+            "time_s": status.index / self._bench.rate_hz,
+            "mode": MODE_WORDS[status.mode],
+        }
+        readings |= {"recorded": status.recorded, "late_cycles": status.late, "lost_cycles": status.lost}
+        readings |= {"cycle_s": self._cycles.mean, "longest_cycle_s": self._cycles.longest}
+        readings |= {name: float(self._newest[COLUMN[name]]) for name in SHOWN}
+        readings |= {
+            name.replace(" ", "_").replace("-", "_"): word for name, word in line_words(status).items()
+        }
         if self._live is not None:
-            told["torque_error"] = self._live.error("torque")
-            told["force_error"] = self._live.error("force")
-        return told
+            readings["torque_error"] = self._live.error("torque")
+            readings["force_error"] = self._live.error("force")
+        return readings
 
     def _follow(self, driver: ProtocolDriver) -> None:
         import numpy as np
@@ -260,7 +265,7 @@ Report = Callable[[float, str], None]
 
 
 @dataclass(frozen=True)
-class Told:
+class SessionOptions:
     """What the command line says of the session.
 
     Attributes:
@@ -283,18 +288,21 @@ class Told:
 class _Attendant:
     """Between the driver and everybody else."""
 
-    def __init__(self, bench: Bench, rig: Rig, told: Told, events: Events, bar: Any, report: Report) -> None:
+    def __init__(
+        self, bench: Bench, rig: Rig, options: SessionOptions, events: Events, bar: Any, report: Report
+    ) -> None:
         from fingerlab.acquisition.protocols.driver import ProtocolDriver
         from fingerlab.acquisition.protocols.script import Script
 
-        self._bench, self._told, self._events, self._bar, self._report = bench, told, events, bar, report
-        self.script = Script(self._tell, told.orders)
-        self._observer = Observer(bench, rig, events, self.say, told.model)
-        self._lines = Lines(self.script.add if told.typed else lambda line: self.script.add("ready"))
+        self._bench, self._options, self._events = bench, options, events
+        self._bar, self._report = bar, report
+        self.script = Script(self._tell, options.orders)
+        self._observer = Observer(bench, rig, events, self.say, options.model)
+        self._lines = Lines(self.script.add if options.typed else lambda line: self.script.add("ready"))
         self.driver: ProtocolDriver = ProtocolDriver(
-            bench, self._ask, self._show, told.initial, self.look, told.beginning
+            bench, self._ask, self._show, options.initial, self.look, options.beginning
         )
-        if told.typed:
+        if options.typed:
             self._lines.begin()
 
     def look(self) -> None:
@@ -325,13 +333,13 @@ class _Attendant:
 
     def _ask(self, sentence: str) -> None:
         """Let the operator change the bench; not for ever where somebody stops."""
-        self._events.tell("ask" if self._told.asks else "change", {"sentence": sentence})
-        if not self._told.asks:
+        self._events.tell("ask" if self._options.asks else "change", {"sentence": sentence})
+        if not self._options.asks:
             self._report(self.driver.share, sentence)
             return
         self._bar.stop()
         click.echo(
-            f"{sentence} Then {'give the line ready' if self._told.typed else 'press Enter'}.", err=True
+            f"{sentence} Then {'give the line ready' if self._options.typed else 'press Enter'}.", err=True
         )
         self._lines.begin()
         self.script.asking, self.script.answered = True, False
@@ -354,7 +362,13 @@ class _Attendant:
 
 
 def take(
-    bench: Bench, rig: Rig, steps: Sequence[Step], told: Told, events: Events, bar: Any, report: Report
+    bench: Bench,
+    rig: Rig,
+    steps: Sequence[Step],
+    options: SessionOptions,
+    events: Events,
+    bar: Any,
+    report: Report,
 ) -> tuple[Path, int, int]:
     """Take all steps and write the session.
 
@@ -370,26 +384,27 @@ def take(
     from fingerlab.acquisition.protocols.steps import Record, plan_seconds
 
     refuse_impossible(steps, bench.settings)
-    if told.model is not None:
-        live_model(rig, bench.rate_hz, told.model, SetUp())  # what is lacking is told before anything moves
-    attendant = _Attendant(bench, rig, told, events, bar, report)
+    if options.model is not None:
+        # What is lacking is told before anything moves.
+        live_model(rig, bench.rate_hz, options.model, SetUp())
+    attendant = _Attendant(bench, rig, options, events, bar, report)
     driver, script = attendant.driver, attendant.script
     runs = sum(isinstance(step, Record) for step in steps)
     plan = {"runs": runs, "seconds": plan_seconds(steps), "rate_hz": bench.rate_hz}
     device = bench.status().device
     with Interrupts(bench.stop) as interrupts:
         try:
-            bench.recorder.open(_info(rig, told, device))
-            events.tell("begun", {"session": str(told.out), "device": device, **plan})
+            bench.recorder.open(_info(rig, options, device))
+            events.tell("begun", {"session": str(options.out), "device": device, **plan})
             driver.take(steps)
             attendant.close()
         except BaseException as error:
             bench.stop()  # before anything else
             why = KeyboardInterrupt() if interrupts.asked or script.stopped else error
-            _keep(bench, why, told.out, _Writing(events, bar, report))
+            _keep(bench, why, options.out, _Writing(events, bar, report))
             raise why from None
     numbers = [step.number for step in steps if isinstance(step, Record)]  # from the one that was begun with
-    path = _write(bench, told.out, _Writing(events, bar, report))
+    path = _write(bench, options.out, _Writing(events, bar, report))
     return path, driver.samples, sum(number <= driver.number for number in numbers)
 
 
@@ -401,7 +416,7 @@ class _Writing:
 
     def __init__(self, events: Events, bar: Any, report: Report) -> None:
         self.events, self._report = events, report
-        self._told, self._doing = -1.0, ""
+        self._reported, self._doing = -1.0, ""
         self._later = False
         bar.reset(bar.task_ids[0])  # the time left is that of the writing, not of the runs
 
@@ -412,8 +427,8 @@ class _Writing:
         from fingerlab.sessions.recording_files import VERIFYING
 
         self._report(share, "reading the file back" if doing == VERIFYING else "writing the file")
-        if doing != self._doing or share >= min(self._told + self.STEP, 1.0) > self._told:
-            self._told, self._doing = share, doing
+        if doing != self._doing or share >= min(self._reported + self.STEP, 1.0) > self._reported:
+            self._reported, self._doing = share, doing
             self.events.tell("writing", {"share": round(share, 4), "doing": doing})
         if self._later:
             raise Cancelled
@@ -440,13 +455,13 @@ def _write(bench: Bench, out: Path, writing: _Writing) -> Path:
             raise KeyboardInterrupt from None
 
 
-def _info(rig: Rig, told: Told, device: str) -> Any:
+def _info(rig: Rig, options: SessionOptions, device: str) -> Any:
     from fingerlab.acquisition.recording import SessionInfo
 
-    title = told.title or f"{told.name} protocol on {device}"
+    title = options.title or f"{options.name} protocol on {device}"
     now = datetime.now().astimezone().isoformat(timespec="seconds")
-    attributes = {**told.attributes, "protocol": told.name, "device": device}
-    return SessionInfo(told.out, rig.to_json(), title, now, attributes)
+    attributes = {**options.attributes, "protocol": options.name, "device": device}
+    return SessionInfo(options.out, rig.to_json(), title, now, attributes)
 
 
 def _keep(bench: Bench, error: BaseException, out: Path, writing: _Writing) -> None:

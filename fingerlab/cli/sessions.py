@@ -236,11 +236,11 @@ def _text_runs(
     """The files with what they cannot say of themselves."""
     from fingerlab.sessions.importing import TextRun
 
-    told = _trajectory(trajectory)
+    commanded = _trajectory(trajectory)
     each_phase = _each(phases, "on_air", files, "phase")
     each_cable = _each(cables, "extension", files, "cable")
     return [
-        TextRun(path, phase, cable, told)
+        TextRun(path, phase, cable, commanded)
         for path, phase, cable in zip(files, each_phase, each_cable, strict=True)
     ]
 

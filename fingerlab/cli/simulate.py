@@ -211,14 +211,14 @@ def reveal(session: Path, json_target: str | None) -> None:
     from fingerlab.twin.effects import EFFECTS
     from fingerlab.twin.session import reveal_session
 
-    told = reveal_session(session)
+    revealed = reveal_session(session)
     if json_target is not None:
-        write_json({"session": str(session), **told}, json_target)
+        write_json({"session": str(session), **revealed}, json_target)
     if json_target == "-":
         return
-    if not told["effects"]:
+    if not revealed["effects"]:
         click.echo("No effect: nothing is missing from the nominal model but noise and tolerances.")
-    for name, values in told["effects"].items():
+    for name, values in revealed["effects"].items():
         units = {p.name: p.unit for p in EFFECTS[name].parameters} if name in EFFECTS else {}
         numbers = ", ".join(f"{k} = {v:.4g} {units.get(k, '')}".rstrip() for k, v in values.items())
         click.echo(f"{name}: {numbers}")

@@ -151,7 +151,7 @@ def structured(kind: type[T], data: object, refuse_unknown: bool = False) -> T:
     try:
         found = msgspec.convert(plain, kind)
     except msgspec.ValidationError as error:
-        raise _told(str(error), plain, kind) from None
+        raise _mismatch(str(error), plain, kind) from None
     whole: T = _whole(found, ())
     return whole
 
@@ -181,7 +181,7 @@ def _prepared(kind: Any, data: object, place: tuple[str, ...], refuse_unknown: b
     return result
 
 
-def _told(error: str, data: object, kind: Any) -> Mismatch:
+def _mismatch(error: str, data: object, kind: Any) -> Mismatch:
     """The same as msgspec says, with the value that it does not name."""
     at = _AT.fullmatch(error)
     assert at is not None

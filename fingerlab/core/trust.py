@@ -210,7 +210,7 @@ def said(error: BaseException) -> str:
     return " ".join(f"{type(error).__name__}: {what}".split()).rstrip(".: ")
 
 
-def told(error: BaseException, file: str) -> str:
+def error_with_line(error: BaseException, file: str) -> str:
     """The same with the line of their file."""
     line = error.lineno if isinstance(error, SyntaxError) else None
     trace = error.__traceback__

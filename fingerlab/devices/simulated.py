@@ -116,9 +116,9 @@ class SimulatedBench:
         Raises:
             UserError: phase and cable do not go together.
         """
-        told = {INTERVENTION: intervention} if intervention else {}
-        plan = RunPlan(*setup_of(phase, cable), {}, load_torque, told)
-        change = intervention_of(told, "of the set-up")
+        attributes = {INTERVENTION: intervention} if intervention else {}
+        plan = RunPlan(*setup_of(phase, cable), {}, load_torque, attributes)
+        change = intervention_of(attributes, "of the set-up")
         if hasattr(self, "stream"):
             self._counts_before += self.stream.seen()[4]
         rng = np.random.default_rng(self._seeds.spawn(1)[0])
@@ -162,13 +162,13 @@ class SimulatedBench:
 
     def session_attributes(self) -> dict[str, str]:
         """Attributes by which ``reveal`` later tells what this bench had; sealed where it was hidden."""
-        told = {
+        facts = {
             "protocol": "recorded",
             "preset": self.preset.name,
             "effects": {name: dict(values) for name, values in self.effects.items()},
             "seed": self.simulation.seed,
         }
-        return {SEALED: seal(told)} if self.simulation.hidden else {SIMULATION: json.dumps(told)}
+        return {SEALED: seal(facts)} if self.simulation.hidden else {SIMULATION: json.dumps(facts)}
 
     def _effects(self, simulation: Simulation) -> dict[str, dict[str, float]]:
         if not simulation.hidden:
@@ -227,7 +227,7 @@ class SimulatedRig:
         self._by_hand = [False, True]  # emergency stop pressed, amplifier ready
         self._lines = NO_LINES
         self._cycles = 0  # of the bench, whatever was started anew
-        self._told_until: dict[LineFault, float] = {}
+        self._fault_until: dict[LineFault, float] = {}
         self._see_lines(-1)
 
     @property
@@ -377,13 +377,15 @@ class SimulatedRig:
     def _see_lines(self, index: int) -> None:
         if not any(self._wired):
             return
-        told = list(self._by_hand)
+        states = list(self._by_hand)
         for fault in self._faults.lines:
-            if index >= fault.start or fault in self._told_until:
-                until = self._told_until.setdefault(fault, self._cycles + fault.cycles)
+            if index >= fault.start or fault in self._fault_until:
+                until = self._fault_until.setdefault(fault, self._cycles + fault.cycles)
                 if self._cycles < until:
-                    told[LINES.index(fault.line)] = fault.on
-        stop, ready = (float(on) if wired else math.nan for on, wired in zip(told, self._wired, strict=True))
+                    states[LINES.index(fault.line)] = fault.on
+        stop, ready = (
+            float(on) if wired else math.nan for on, wired in zip(states, self._wired, strict=True)
+        )
         self._lines = stop, ready
 
     def _unplugged(self) -> bool:

@@ -236,9 +236,9 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
     runs = [run for session in sessions for run in session.runs]
     usual = session_features(runs, errors.values(), evidence.base.score, path[-1].score)
     probabilities, calibration = calibrated(evidence.odds, verdict, *usual)
-    told = dict(zip(evidence.odds.answers, map(float, probabilities), strict=True))
+    probability = dict(zip(evidence.odds.answers, map(float, probabilities), strict=True))
     stuck = held_back(scorer, evidence)
-    chosen = _cannot_be_ruled_out(evidence, calibration, told)
+    chosen = _cannot_be_ruled_out(evidence, calibration, probability)
     chosen += [i for i in stuck if i not in chosen]
     reduction, by_last = question.reduction, found.refined or scorer
 
@@ -254,7 +254,7 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
     replaced = {name: (one.removed,) for name, one in replacing.items()}
     prints = curves.fingerprints if curves else {}
     alone = len(reduction.runs) == 1
-    candidates = _candidates(evidence, told, chosen, stuck, loose, prints, closer, replaced, alone)
+    candidates = _candidates(evidence, probability, chosen, stuck, loose, prints, closer, replaced, alone)
     pairs = [(session, run) for (session, _), run in zip(reduction.runs, reduction.analysed, strict=True)]
     each_share, parts = run_shares(pairs, scorer.reduced, evidence.base)
     each_aside, asides = run_asides(reduction, scorer.reduced, evidence.base)
@@ -272,8 +272,8 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
         final_model=tuple(path[-1].effect_ids),
         next_experiment=None if following is None else following.proposal,
         seconds=time.perf_counter() - started,
-        probability_nothing=told[NOTHING],
-        probability_unknown=told[UNKNOWN],
+        probability_nothing=probability[NOTHING],
+        probability_unknown=probability[UNKNOWN],
         parameters=every_parameter(evidence.base, evidence.temperature),
         final_parameters=every_parameter(path[-1], evidence.temperature),
         comparisons=curves.comparisons if curves else (),
@@ -317,11 +317,13 @@ def _paired(
     return tuple(found)
 
 
-def _cannot_be_ruled_out(evidence: Evidence, said: CalibratedAnswer, told: Mapping[str, float]) -> list[int]:
+def _cannot_be_ruled_out(
+    evidence: Evidence, said: CalibratedAnswer, probability: Mapping[str, float]
+) -> list[int]:
     """Indices of the effects that are left open, likeliest first; the verdict's own is among them.
 
     Args:
-        told: calibrated probability of every answer.
+        probability: calibrated probability of every answer.
     """
     if evidence.verdict == "not_in_catalogue":
         return []
@@ -329,10 +331,10 @@ def _cannot_be_ruled_out(evidence: Evidence, said: CalibratedAnswer, told: Mappi
     if evidence.verdict == "nothing_missing":
         # Of the hidden ones 95 % would be most of the catalogue: those that could hide, and what is seen
         # and nearly as likely as nothing.
-        near = float(np.exp(-SET_LOG_ODDS)) * told[NOTHING]
+        near = float(np.exp(-SET_LOG_ODDS)) * probability[NOTHING]
         hidden = undetectable(evidence)
-        seen = [i for i, name in enumerate(names) if told[name] >= near and i not in hidden]
-        return sorted([*hidden, *seen], key=lambda i: -told[names[i]])
+        seen = [i for i, name in enumerate(names) if probability[name] >= near and i not in hidden]
+        return sorted([*hidden, *seen], key=lambda i: -probability[names[i]])
     index = {name: i for i, name in enumerate(names)}
     chosen = [index[name] for name in said.cannot_be_ruled_out if name in index]
     if evidence.verdict == "missing_effect" and not chosen:
@@ -399,7 +401,7 @@ def _last(fitted: FittedModel) -> str | None:
 
 def _candidates(
     evidence: Evidence,
-    told: Mapping[str, float],
+    probability: Mapping[str, float],
     chosen: Sequence[int],
     stuck: Sequence[int],
     loose: int,
@@ -417,7 +419,7 @@ def _candidates(
         alone: there is one run, so that none was held out.
     """
     result = []
-    posterior = [told[c.last_effect.id] for c in evidence.candidates]
+    posterior = [probability[c.last_effect.id] for c in evidence.candidates]
     order = sorted(
         range(len(evidence.candidates)), key=lambda i: (-posterior[i], evidence.candidates[i].misfit)
     )

@@ -35,8 +35,8 @@ def columns(motion: Motion, shape: Shape) -> list[Term]:
         return []
 
     constants = with_grid(time_constant, LAGS_S)
-    told = tuple(shape.get(name, 0.0) for name in FOLLOWING)
-    keys = [("lag", *told, constant) for constant in constants]
+    followed = tuple(shape.get(name, 0.0) for name in FOLLOWING)
+    keys = [("lag", *followed, constant) for constant in constants]
     tension = _stretching(motion, shape)
     lagging = motion.remember_each(
         keys[0], keys, lambda: first_order_lags(tension, constants, motion.sample_rate_hz)

@@ -26,10 +26,10 @@ from fingerlab.core.trust import (
     State,
     confirm,
     confirmed_names,
+    error_with_line,
     forget_file,
     read_settings,
     run_source,
-    told,
     with_state,
     write_settings,
 )
@@ -334,7 +334,7 @@ def _loaded(source: OwnSource) -> OwnFile:
             except UserError as error:
                 _LOADED[source] = OwnFile(source, problem=str(error))
             except Exception as error:  # something that no check foresaw is the file's fault all the same
-                _LOADED[source] = OwnFile(source, problem=f"{told(error, source.file)}.")
+                _LOADED[source] = OwnFile(source, problem=f"{error_with_line(error, source.file)}.")
         return _LOADED[source]
 
 
@@ -349,7 +349,9 @@ def _run(source: OwnSource) -> tuple[Effect, ...]:
     try:
         module = run_source(source, f"fingerlab_own_{source.sha256[:16]}")
     except (Exception, SystemExit) as error:
-        raise UserError(f"{told(error, source.file)}; put it right and confirm the file anew.") from None
+        raise UserError(
+            f"{error_with_line(error, source.file)}; put it right and confirm the file anew."
+        ) from None
     if hasattr(module, "EFFECT") == hasattr(module, "EFFECTS"):
         raise UserError(f"{source.file} should define either EFFECT = Effect(...) or EFFECTS = [...].")
     offered = getattr(module, "EFFECTS", None)

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fingerlab.core.errors import UserError
-from fingerlab.core.trust import told
+from fingerlab.core.trust import error_with_line
 from fingerlab.effects.base import (
     BESIDE_A_FINGER,
     COORDINATE_UNITS,
@@ -59,7 +59,9 @@ class Guarded:
         except UserError:
             raise
         except Exception as error:
-            raise UserError(f"{told(error, self.file)}; put right the columns of '{self.effect}'.") from None
+            raise UserError(
+                f"{error_with_line(error, self.file)}; put right the columns of '{self.effect}'."
+            ) from None
 
     def _checked(self, term: object, motion: Motion) -> Term:
         where = f"{self.file}: the columns of '{self.effect}'"

@@ -170,9 +170,9 @@ class DiagnosisView(Displayed):
         unseen = words.hidden_sentence(result)
         if unseen:
             parts.append(unseen)
-        told = words.calibration_sentence(result)
-        if told:
-            parts.append(told)
+        calibration = words.calibration_sentence(result)
+        if calibration:
+            parts.append(calibration)
         return parts
 
 

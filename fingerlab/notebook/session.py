@@ -58,9 +58,9 @@ def run_dataset(run: Run, channels: Iterable[str] | None = None) -> xarray.Datas
         name.replace("/", "_"): ("time", samples, {"units": run.units[name]})
         for name, samples in values.items()
     }
-    told = {"run": run.name, "phase": run.phase, "cable": run.cable, "sample_rate_hz": run.sample_rate_hz}
-    told |= {"trajectory": json.dumps(dict(run.trajectory))} | _plain(run.attributes)
-    made: xarray.Dataset = _xarray().Dataset(variables, {"time": ("time", time, {"units": "s"})}, told)
+    attrs = {"run": run.name, "phase": run.phase, "cable": run.cable, "sample_rate_hz": run.sample_rate_hz}
+    attrs |= {"trajectory": json.dumps(dict(run.trajectory))} | _plain(run.attributes)
+    made: xarray.Dataset = _xarray().Dataset(variables, {"time": ("time", time, {"units": "s"})}, attrs)
     return made
 
 
@@ -70,10 +70,10 @@ def session_tree(session: Session) -> xarray.DataTree:
     Raises:
         UserError: a run can no longer be read.
     """
-    told = {"title": session.title, "created": session.created, "rig": session.rig.to_json()}
-    told |= _plain(session.attributes)
+    attrs = {"title": session.title, "created": session.created, "rig": session.rig.to_json()}
+    attrs |= _plain(session.attributes)
     library = _xarray()
-    root = library.Dataset(attrs=told)
+    root = library.Dataset(attrs=attrs)
     datasets = {f"/{run.name}": run_dataset(run) for run in session.runs}
     made: xarray.DataTree = library.DataTree.from_dict({"/": root, **datasets}, name=session.path.stem)
     return made

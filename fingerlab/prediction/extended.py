@@ -386,8 +386,8 @@ def extended_model(model: SavedModel, where: str) -> ExtendedModel:
     extended = _checked(where, "extended", lambda: _variant(model.details["extended"], effects))
     nominal = _checked(where, "nominal", lambda: _variant(model.details["nominal"], ()))
     held = _checked(where, "held", lambda: _numbers(model.details.get("held", {})))
-    told = model.details.get("rig")
-    rig = json.dumps(told) if isinstance(told, Mapping) else ""
+    entry = model.details.get("rig")
+    rig = json.dumps(entry) if isinstance(entry, Mapping) else ""
     return ExtendedModel(extended, nominal, model.parameters, model.sessions, held, rig)
 
 

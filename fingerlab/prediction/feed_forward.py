@@ -310,9 +310,9 @@ def judged_feed(
     Args:
         trim: N, of the found model.
     """
-    told = Along(model.extended, plan.wanted, run, rig, where).force(plan.torque) - trim
+    predicted = Along(model.extended, plan.wanted, run, rig, where).force(plan.torque) - trim
     own = own_error(model)
-    rms = math.hypot(float(np.sqrt(np.mean((told - plan.force) ** 2))), own)
+    rms = math.hypot(float(np.sqrt(np.mean((predicted - plan.force) ** 2))), own)
     return Feed(name, plan, rms, float(np.abs(plan.torque - nominal.torque).max()))
 
 

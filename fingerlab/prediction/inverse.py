@@ -235,8 +235,8 @@ def solved_torque(
         moved = np.abs(torque - before) > 1e-12
         anew = (now - last) / np.where(moved, torque - before, 1.0)
         # Beside a kink, or where friction hangs on the samples around, a small step tells no slope.
-        told = moved & (anew * begun > 0.0) & (np.abs(np.log(np.abs(anew / begun) + 1e-300)) < STEEPER)
-        slope = np.where(told, anew, slope)
+        usable = moved & (anew * begun > 0.0) & (np.abs(np.log(np.abs(anew / begun) + 1e-300)) < STEEPER)
+        slope = np.where(usable, anew, slope)
     missing = newton * float(np.max(np.nan_to_num(np.abs(force - now)[first:], nan=np.inf)))
     if missing < missed_n:
         return torque, slope

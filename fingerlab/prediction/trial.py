@@ -145,8 +145,8 @@ def analyse_trial(session: Session) -> Trial:
     Raises:
         UserError: it is no such session, or broke off before a run that counts.
     """
-    told = _object(session.attributes.get(FORCE_TRIAL), f"{session.path}, '{FORCE_TRIAL}'")
-    if not told:
+    entry = _object(session.attributes.get(FORCE_TRIAL), f"{session.path}, '{FORCE_TRIAL}'")
+    if not entry:
         raise UserError(
             f"{session.path} holds no feed-forward trial; record one with 'fingerlab record --feed-forward "
             "MODEL.json --wanted FORCE.csv --ab 5'."
@@ -158,36 +158,36 @@ def analyse_trial(session: Session) -> Trial:
         )
     by_model = {name: [run for run in runs if run.model == name] for name in (NOMINAL, FOUND)}
     nominal, found = (_together(name, mine) if mine else None for name, mine in by_model.items())
-    ratio = foretold = low = high = math.nan
+    ratio = predicted = low = high = math.nan
     if nominal is not None and found is not None:
-        ratio, foretold = found.rms / nominal.rms, found.predicted_rms / nominal.predicted_rms
+        ratio, predicted = found.rms / nominal.rms, found.predicted_rms / nominal.predicted_rms
         pairs = min(len(nominal.runs), len(found.runs))
         low, high = _interval(
             [run.error.rms for run in nominal.runs[:pairs]], [run.error.rms for run in found.runs[:pairs]]
         )
-    effects = tuple(str(one) for one in told.get("effects", ()))
+    effects = tuple(str(one) for one in entry.get("effects", ()))
     shares = [_share(run) for run in session.runs if run.attributes.get(FORCE_MODEL) == FOUND]
     share = shares[0] if shares else math.nan
-    return Trial(str(told.get("model", "")), effects, nominal, found, ratio, low, high, foretold, share)
+    return Trial(str(entry.get("model", "")), effects, nominal, found, ratio, low, high, predicted, share)
 
 
 def _share(run: Run) -> float:
     """Of a run of an earlier version, which went all the way, 1."""
-    told = run.attributes.get(FOUND_SHARE, 1.0)
-    return float(told) if isinstance(told, int | float) else math.nan
+    stated = run.attributes.get(FOUND_SHARE, 1.0)
+    return float(stated) if isinstance(stated, int | float) else math.nan
 
 
 def _run(run: Run, session: Session) -> TrialRun:
     where = f"{session.path}, run {run.name}, '{WANTED_FORCE}'"
-    told = _object(run.attributes.get(WANTED_FORCE), where)
+    entry = _object(run.attributes.get(WANTED_FORCE), where)
     try:
-        force = np.asarray(told["force_n"], dtype=np.float64)
-        time = np.asarray(np.arange(len(force)) * float(told["step_s"]), dtype=np.float64)
-        wanted, lead = WantedForce({}, time, force), float(told["lead_s"])
-        foretold = float(run.attributes.get("foretold_rms_n", math.nan))
+        force = np.asarray(entry["force_n"], dtype=np.float64)
+        time = np.asarray(np.arange(len(force)) * float(entry["step_s"]), dtype=np.float64)
+        wanted, lead = WantedForce({}, time, force), float(entry["lead_s"])
+        predicted = float(run.attributes.get("foretold_rms_n", math.nan))
     except (KeyError, TypeError, ValueError):
         raise UserError(f"{where} is damaged; record the trial again.") from None
-    return TrialRun(run.name, str(run.attributes[FORCE_MODEL]), force_error(run, wanted, lead), foretold)
+    return TrialRun(run.name, str(run.attributes[FORCE_MODEL]), force_error(run, wanted, lead), predicted)
 
 
 def _object(text: Any, where: str) -> dict[str, Any]:

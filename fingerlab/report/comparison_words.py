@@ -110,15 +110,15 @@ def pairs_sentence(found: SessionPair) -> str:
     for runs, session in ((found.only_first, found.first), (found.only_second, found.second)):
         if runs:
             said.append(f"{len(runs)} more in {session.path.name} alone")
-    told = [
+    notable = [
         (one.times, name, pair)
         for pair in found.pairs
         for name, one in pair.channels.items()
         if one.times > NOTABLE
     ]
     sentence = ", ".join(said) + "."
-    if told:
-        times, name, pair = max(told, key=lambda entry: entry[0])
+    if notable:
+        times, name, pair = max(notable, key=lambda entry: entry[0])
         return (
             f"{sentence} {channel_title(name)} differs most, in {pair_title(pair)[0]}: {times:.1f} times the "
             "scatter of a cycle."

@@ -361,15 +361,15 @@ def failure_sentence(failure: Failure | None) -> str:
 
 def paired_sentence(diagnosis: Diagnosis) -> str:
     """What models make of runs before a known change of the machine and with it; empty without such."""
-    told = []
+    sentences = []
     for pair in diagnosis.paired:
         where = f"Run {pair.before} and the same motion {pair.words} (run {pair.after}"
         where += f" of {Path(pair.sessions[1]).name})" if len(set(pair.sessions)) > 1 else ")"
         misses = f"the model as given misses their difference by {score_text(pair.score)} times its floor"
         each = sorted((k, n) for n, k in pair.with_effect.items() if k < pair.score - LEAST_PAIRED)
         best = [f"{_names([name])} by {score_text(score)}" for score, name in each[:MOST_PAIRED_NAMES]]
-        told.append(f"{where}: {misses}" + (f", with {listed(best)}." if best else "."))
-    return " ".join(told)
+        sentences.append(f"{where}: {misses}" + (f", with {listed(best)}." if best else "."))
+    return " ".join(sentences)
 
 
 def next_experiment_sentence(diagnosis: Diagnosis) -> str | None:
@@ -383,8 +383,8 @@ def next_experiment_sentence(diagnosis: Diagnosis) -> str | None:
     text += f", {cable} cable" if cable != "none" else ""
     change = proposal.get("intervention")
     text += f", {read_intervention(change, 'The proposal').words()}" if change else ""
-    told = _told_words(diagnosis)
-    text = f"{text}. {told}{_gain_words(proposal.get('expected_separation'))}." if told else f"{text}."
+    purpose = _purpose_words(diagnosis)
+    text = f"{text}. {purpose}{_gain_words(proposal.get('expected_separation'))}." if purpose else f"{text}."
     alone = proposal.get("chance_alone")
     if not isinstance(alone, int | float):
         return text
@@ -398,13 +398,13 @@ def next_experiment_words(diagnosis: Diagnosis) -> str:
         return sentence
     if diagnosis.verdict == "nothing_missing" and not not_shown(diagnosis):
         return "No further recording is called for."
-    told = diagnosis.better is None or diagnosis.better.log_odds > CLEARLY_BETTER
-    if diagnosis.verdict == "missing_effect" and len(diagnosis.set) < 2 and told:
+    settled = diagnosis.better is None or diagnosis.better.log_odds > CLEARLY_BETTER
+    if diagnosis.verdict == "missing_effect" and len(diagnosis.set) < 2 and settled:
         return "No further recording is needed to tell what is missing."
     return "No recording is known that would tell more."
 
 
-def _told_words(diagnosis: Diagnosis) -> str:
+def _purpose_words(diagnosis: Diagnosis) -> str:
     """What the proposed run would tell; one that looks for what was not seen separates it from nothing."""
     effects = would_show(diagnosis)
     if effects and diagnosis.verdict == "nothing_missing":
@@ -476,8 +476,8 @@ def miss_words(found: Profile, bin_: int) -> str:
     if rms != rms:
         return "too few samples to say"
     unit = residual_unit(found)
-    told = max(0.3 * found.floor, 0.005 * rms)  # half a per cent is told of what is far beyond the floor
-    amount = unit.after(fixed(rms * unit.factor, decimals_for(told * unit.factor)))
+    step = max(0.3 * found.floor, 0.005 * rms)  # half a per cent is told of what is far beyond the floor
+    amount = unit.after(fixed(rms * unit.factor, decimals_for(step * unit.factor)))
     return f"{amount}, {score_text(rms / found.floor)} floors" if found.floor > 0 else amount
 
 

@@ -76,14 +76,14 @@ def final_equation(
             _cable_part(rig.motor, found, "x" in adds),
         ]
     of_effects = [list(_effect_values(o, found, (found_with or {}).get(o.effect.id, {}))) for o in chosen]
-    values = [*_model_values(found), *_told_apart(chosen, of_effects)]
+    values = [*_model_values(found), *_distinct(chosen, of_effects)]
     if len(chosen) > 1:
         last = parts[-1]
         parts[-1] = replace(last, note=f"{last.note} {ADDED_UP}".strip())
     return FinalEquation((*parts, *(_effect_part(one) for one in chosen)), tuple(values))
 
 
-def _told_apart(chosen: Sequence[ChosenEffect], of_effects: Sequence[Sequence[Value]]) -> Iterator[Value]:
+def _distinct(chosen: Sequence[ChosenEffect], of_effects: Sequence[Sequence[Value]]) -> Iterator[Value]:
     """The effects' values; where two effects call a value the same, each says whose it is."""
     titles = [value.title for values in of_effects for value in values]
     for one, values in zip(chosen, of_effects, strict=True):

@@ -263,10 +263,10 @@ def _plain_text(value: object) -> str:
     if not isinstance(value, str):
         return ""
     try:
-        told = parsed(value)
+        entry = parsed(value)
     except ValueError:
         return value.strip()
-    return ", ".join(map(str, told)) if isinstance(told, list) else value.strip()
+    return ", ".join(map(str, entry)) if isinstance(entry, list) else value.strip()
 
 
 def facts(session: Session) -> list[tuple[str, str]]:

@@ -97,7 +97,7 @@ def score_table(diagnosis: Diagnosis) -> ScoreTable | None:
     unit = 10.0**-decimals
     steps = list(zip(parts, apportioned([part.squared for part in parts], unit), strict=True))
 
-    def told(chosen: Sequence[tuple[ScorePart, int]]) -> str:
+    def sum_text(chosen: Sequence[tuple[ScorePart, int]]) -> str:
         return fixed(sum(count for _, count in chosen) * unit, decimals)
 
     rows = []
@@ -110,8 +110,8 @@ def score_table(diagnosis: Diagnosis) -> ScoreTable | None:
                 runs,
                 f"{runs_words(runs)}, {', '.join(how)}",
                 percent(mine[0][0].samples, counted=True),
-                tuple(told(cell) if cell else "" for cell in cells.values()),
-                told(mine),
+                tuple(sum_text(cell) if cell else "" for cell in cells.values()),
+                sum_text(mine),
                 _aside_words([one for one in diagnosis.left_aside if _motion(one) == (runs, phase, cable)]),
             )
         )
@@ -119,8 +119,8 @@ def score_table(diagnosis: Diagnosis) -> ScoreTable | None:
         equations,
         tuple(EQUATION_NAMES[name][:1].upper() + EQUATION_NAMES[name][1:] for name in equations),
         tuple(rows),
-        tuple(told([step for step in steps if step[0].equation == name]) for name in equations),
-        told(steps),
+        tuple(sum_text([step for step in steps if step[0].equation == name]) for name in equations),
+        sum_text(steps),
         fixed(1.0, decimals),
         fixed(1.0 + sum(count for _, count in steps) * unit, decimals),
     )
@@ -330,8 +330,8 @@ def story_sentence(models: Sequence[Diagnosis]) -> str:
     steps = story(models)
     if not steps:
         return ""
-    told = [f"to {score_text(s.after)} with {in_sentence(s.title)}" for s in steps]
+    clauses = [f"to {score_text(s.after)} with {in_sentence(s.title)}" for s in steps]
     return (
         f"The error on {judged_on(models[-1])} went from {score_text(models[0].score)} times the floor "
-        f"with {'the nominal model' if not models[0].model else 'the first model'} {', then '.join(told)}."
+        f"with {'the nominal model' if not models[0].model else 'the first model'} {', then '.join(clauses)}."
     )

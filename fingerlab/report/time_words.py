@@ -45,32 +45,32 @@ LEAST_PLACE = 0.01
 
 def course_sentence(one: NumberCourse) -> str:
     """What became of a number, as what that reads, and how sure it is."""
-    told, title = one.course.verdict, column_words(one.column)
+    verdict, title = one.course.verdict, column_words(one.column)
     sure = f"Probability {percent(one.course.certain)}."
-    if told == "open":
+    if verdict == "open":
         return _open(one, title)
-    if told == "steady":
+    if verdict == "steady":
         level = estimate_text(one.estimate(one.course.last))
         return f"{title} stayed at {level} over {len(one.names)} sessions. {sure}"
     if one.leans_on:
         others = listed([in_sentence(effect_title(effect)) for effect in one.leans_on])
         sure = f"{sure} Fitted alone, it takes up what is of {others}."
     if one.course.moment:
-        return f"{_moment(one)} {in_sentence(title)} {_step(one, told)} {sure}"
+        return f"{_moment(one)} {in_sentence(title)} {_step(one, verdict)} {sure}"
     size, ends = _size(one), _ends(one)
-    if told == "odd":
+    if verdict == "odd":
         place = int(np.argmax(one.course.odd))
         name, chance = one.names[place], float(one.course.odd[place])
         return (
             f"{title}: {name} alone is off by {size}; rather that session went wrong than the bench. {sure} "
             f"Of that session, if so, {percent(chance)}."
         )
-    if told == "warm_up":
+    if verdict == "warm_up":
         return (
             f"{title} changes by {size} within each sitting and comes back after a pause, as with "
             f"temperature. {sure}"
         )
-    if told == "settling":
+    if verdict == "settling":
         return f"{title} settles, {ends}, most of it in the first sessions, as when a bench runs in. {sure}"
     falls = abs(one.course.last.value) < abs(one.course.first.value)
     reads = "as of what wears in or comes loose" if falls else "as wear does"
@@ -103,14 +103,14 @@ def _moment(one: NumberCourse) -> str:
     )
 
 
-def _step(one: NumberCourse, told: str) -> str:
+def _step(one: NumberCourse, verdict: str) -> str:
     ends = _ends(one)
     if one.leans_on:
         return f"went {ends}."
-    if told == "new":
+    if verdict == "new":
         after = estimate_text(one.estimate(one.course.last))
         return f"came up from nothing to {after}: {in_sentence(effect_title(one.effect))} is a new effect."
-    if told == "gone":
+    if verdict == "gone":
         before = estimate_text(one.estimate(one.course.first))
         return (
             f"went away from {before}: {in_sentence(effect_title(one.effect))} is gone, as after a repair, "
@@ -133,8 +133,8 @@ def course_json(one: NumberCourse) -> dict[str, Any]:
     """An entry of "over_time" of ``batch --json``; SI."""
     course = one.course
 
-    def plain(told: Estimate) -> dict[str, Any]:
-        return vars(one.estimate(told))
+    def plain(estimate: Estimate) -> dict[str, Any]:
+        return vars(one.estimate(estimate))
 
     def places(chances: Sequence[float]) -> list[dict[str, Any]]:
         named = zip(one.names, chances, strict=True)
@@ -185,9 +185,9 @@ def shared_sentence(one: SharedEffect, first: BenchSessions, second: BenchSessio
     return f"{what}: {strengths}; {seen}. {sure}."
 
 
-def _strengths(told: StrengthOnTwo) -> str:
-    words = in_sentence(column_words(told.column))
-    return f"{words} {estimate_text(told.first)} against {estimate_text(told.second)}"
+def _strengths(strength: StrengthOnTwo) -> str:
+    words = in_sentence(column_words(strength.column))
+    return f"{words} {estimate_text(strength.first)} against {estimate_text(strength.second)}"
 
 
 SHARED_HEADINGS = ("Effect", "On", "Probability", "Strength", "First", "Second", "Second less first")
@@ -225,8 +225,8 @@ def shared_json(one: SharedEffect, first: BenchSessions, second: BenchSessions) 
     return dict(json_ready(entry))
 
 
-def _numbers(told: ParameterEstimate) -> list[str]:
-    return [f"{number:.9g}" for number in (told.value, told.low, told.high)]
+def _numbers(estimate: ParameterEstimate) -> list[str]:
+    return [f"{number:.9g}" for number in (estimate.value, estimate.low, estimate.high)]
 
 
 def courses_csv(benches: Sequence[tuple[str, Sequence[NumberCourse]]]) -> str:

@@ -39,19 +39,19 @@ def trial_sentence(trial: Trial) -> str:
 def result_sentences(trial: Trial) -> tuple[str, ...]:
     """All that a trial shows: how far the error fell, what was foretold, and what each model leaves."""
     models = [one for one in (trial.nominal, trial.found) if one is not None]
-    told = (
+    sentences = (
         trial_sentence(trial), share_sentence(trial), predicted_sentence(trial), *map(rest_sentence, models)
     )  # fmt: skip
-    return tuple(sentence for sentence in told if sentence)
+    return tuple(sentence for sentence in sentences if sentence)
 
 
 def trial_row(model: ModelForce) -> tuple[str, ...]:
     """One model in a table: name, runs, error, foretold, largest, run to run (mN), then each cause (%)."""
-    foretold = number(1e3 * model.predicted_rms, 1) if math.isfinite(model.predicted_rms) else "–"
+    predicted = number(1e3 * model.predicted_rms, 1) if math.isfinite(model.predicted_rms) else "–"
     repeats = number(1e3 * model.repeatability, 1) if len(model.runs) > 1 else "–"
     error, peak = (number(1e3 * value, 1) for value in (model.rms, model.peak))
     causes = (number(100.0 * model.parts[cause], 0) for cause in CAUSES)
-    return model.model, str(len(model.runs)), error, foretold, peak, repeats, *causes
+    return model.model, str(len(model.runs)), error, predicted, peak, repeats, *causes
 
 
 def _interval(trial: Trial) -> str:
@@ -86,8 +86,8 @@ def share_sentence(trial: Trial) -> str:
 def rest_sentence(model: ModelForce) -> str:
     """What is left of one model's error, by cause; the largest first."""
     named = sorted(model.parts.items(), key=lambda one: -one[1])
-    told = [f"{100 * share:.0f} % {CAUSES[cause]}" for cause, share in named if share >= MENTIONED]
-    return f"Of what the {model.model} model leaves ({_mn(model.rms)}, squared): {', '.join(told)}."
+    causes = [f"{100 * share:.0f} % {CAUSES[cause]}" for cause, share in named if share >= MENTIONED]
+    return f"Of what the {model.model} model leaves ({_mn(model.rms)}, squared): {', '.join(causes)}."
 
 
 def _mn(newtons: float) -> str:

@@ -120,8 +120,8 @@ def second_terminal(channel: AnalogInput) -> str:
 def encoder_wires(encoder: Encoder) -> str:
     """Where A, B and, if it is used, Z of the encoder belong, such as ``A PFI8, B PFI10``."""
     usual = COUNTER_WIRES.get(encoder.terminal, ("the card's own",) * 3)
-    told = (encoder.a or usual[0], encoder.b or usual[1], encoder.z or usual[2])
-    wires = zip("ABZ", told, strict=True) if encoder.index else zip("AB", told[:2], strict=True)
+    terminals = (encoder.a or usual[0], encoder.b or usual[1], encoder.z or usual[2])
+    wires = zip("ABZ", terminals, strict=True) if encoder.index else zip("AB", terminals[:2], strict=True)
     return ", ".join(f"{name} {terminal}" for name, terminal in wires)
 
 
@@ -377,9 +377,9 @@ def plain_section(section: Daq | Limits) -> dict[str, Any]:
         if not result[name]["terminal"]:
             del result[name]
     if isinstance(section, Daq):  # and what nobody told of the encoder's wires
-        told = ("a", "b", "z", "filter_time")
+        optional = ("a", "b", "z", "filter_time")
         encoder = result["encoder"].items()
-        result["encoder"] = {name: value for name, value in encoder if value or name not in told}
+        result["encoder"] = {name: value for name, value in encoder if value or name not in optional}
     if isinstance(section, Limits):
         usual = {name: getattr(Limits(), name) for name in LIMIT_UNITS if name not in BENCH_LIMITS}
         result = {key: value for key, value in result.items() if usual.get(key) != value}

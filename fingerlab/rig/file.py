@@ -188,8 +188,8 @@ class Intervention:
 
     def attributes(self) -> dict[str, str]:
         """The run's attribute, to be stored beside its others; none where nothing is changed."""
-        told = self.to_json()
-        return {INTERVENTION: json.dumps(told)} if told else {}
+        changes = self.to_json()
+        return {INTERVENTION: json.dumps(changes)} if changes else {}
 
     def scaled(self, units: Mapping[str, float], way: int = 1) -> Intervention:
         """Each number times what its unit counts for, or divided by it (``way`` -1)."""
@@ -199,35 +199,35 @@ class Intervention:
 
     def words(self) -> str:
         """What the operator changes, such as ``with 13 g fixed to the finger 48 mm beyond the PIP axis``."""
-        told = []
+        parts = []
         if self.added_mass:
             place = f"{1e3 * self.added_mass_at:.3g} mm beyond the PIP axis"
-            told.append(f"{1e3 * self.added_mass:.3g} g fixed to the finger {place}")
+            parts.append(f"{1e3 * self.added_mass:.3g} g fixed to the finger {place}")
         if self.load_torque:
-            told.append(f"a known load of {1e3 * self.load_torque:.3g} mN m on the pulley beside the cable")
+            parts.append(f"a known load of {1e3 * self.load_torque:.3g} mN m on the pulley beside the cable")
         for joint, stiffness in (("MCP", self.mcp_stiffness), ("PIP", self.pip_stiffness)):
             if stiffness:
                 what = "a spring added" if stiffness > 0 else "a spring taken away"
-                told.append(f"{what} at the {joint} joint, {1e3 * abs(stiffness):.3g} mN m/rad")
+                parts.append(f"{what} at the {joint} joint, {1e3 * abs(stiffness):.3g} mN m/rad")
         for joint, ratio in (("MCP", self.mcp_arm), ("PIP", self.pip_arm)):
             if ratio != 1.0:
-                told.append(f"the cable guided round the {joint} joint at {ratio:.3g} times its moment arm")
-        return "with " + " and ".join(told) if told else ""
+                parts.append(f"the cable guided round the {joint} joint at {ratio:.3g} times its moment arm")
+        return "with " + " and ".join(parts) if parts else ""
 
 
 UNCHANGED = Intervention()
 
 
-def read_intervention(told: object, where: str) -> Intervention:
+def read_intervention(given: object, where: str) -> Intervention:
     """A change from its JSON text or object.
 
     Raises:
         UserError: it is no object of known names and finite numbers, or impossible.
     """
     known = ", ".join(UNITS)
-    data: Any = told
-    if isinstance(told, str):
-        data = read_object(told, where, f"it should hold some of {known}")
+    data: Any = given
+    if isinstance(given, str):
+        data = read_object(given, where, f"it should hold some of {known}")
     if not isinstance(data, Mapping):
         raise UserError(f"{where} is not an object of numbers; it should hold some of {known}.")
     for name, value in data.items():
@@ -258,8 +258,8 @@ def intervention_of(attributes: Mapping[str, Any], run: str) -> Intervention | N
     Raises:
         UserError: they tell of one that cannot be read.
     """
-    told = attributes.get(INTERVENTION)
-    return None if told is None else read_intervention(told, f"Run {run}, attribute '{INTERVENTION}',")
+    entry = attributes.get(INTERVENTION)
+    return None if entry is None else read_intervention(entry, f"Run {run}, attribute '{INTERVENTION}',")
 
 
 SOURCES_KEY = "sources"

@@ -254,8 +254,8 @@ def _plan(source: TextRun, table: Table, mapping: str | None, rate: float | None
     if source.trajectory is not None:
         return ImportPlan(source, table, columns, derived, found, counted, source.trajectory, False, start)
     read = recognised(_values(first, columns, "motor_command"), found) if "motor_command" in present else None
-    told = read or {"kind": "unknown"}
-    return ImportPlan(source, table, columns, derived, found, counted, told, read is not None, start)
+    trajectory = read or {"kind": "unknown"}
+    return ImportPlan(source, table, columns, derived, found, counted, trajectory, read is not None, start)
 
 
 def _values(block: Array, columns: Sequence[Column], channel: str) -> Array:

@@ -68,8 +68,8 @@ def recognised(command: Array, rate: float) -> dict[str, Any] | None:
     if float(np.var(rest)) > SINE * float(np.var(settled)):
         return None
     amplitude, about = np.degrees(np.hypot(*wave)), np.degrees(offset)
-    told = {"frequency_hz": frequency, "amplitude_deg": amplitude, "offset_deg": about}
-    return {"kind": "sine", **{name: float(f"{value:.{FIGURES}g}") for name, value in told.items()}}
+    sine = {"frequency_hz": frequency, "amplitude_deg": amplitude, "offset_deg": about}
+    return {"kind": "sine", **{name: float(f"{value:.{FIGURES}g}") for name, value in sine.items()}}
 
 
 def found_frequency(position: Array, rate: float) -> float | None:

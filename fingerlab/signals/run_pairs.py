@@ -95,8 +95,8 @@ def paired(a: Session, b: Session) -> tuple[list[tuple[Run, Run]], list[Run], li
 
 
 def _nearly(run: Run) -> Hashable:
-    told = run.trajectory
-    return run.phase, run.cable, str(told.get("kind")), str(told.get("frequency_hz"))
+    trajectory = run.trajectory
+    return run.phase, run.cable, str(trajectory.get("kind")), str(trajectory.get("frequency_hz"))
 
 
 def _exactly(run: Run) -> Hashable:

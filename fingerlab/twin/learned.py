@@ -103,10 +103,10 @@ def _drawn(model: SavedModel, seed: int, best: bool) -> dict[str, float]:
 
 def _rig(model: SavedModel, preset: Preset, where: str) -> Rig:
     """The rig that the model was fitted with; that of the preset where the file tells none."""
-    told = model.details.get("rig")
-    if not isinstance(told, Mapping):
+    given = model.details.get("rig")
+    if not isinstance(given, Mapping):
         return preset.rig
-    rig = Rig.from_json(json.dumps(told), f"{where}, 'rig'")
+    rig = Rig.from_json(json.dumps(given), f"{where}, 'rig'")
     if rig.finger is None or rig.motor.pulley_radius is None:
         raise UserError(f"{where} is a model of a bench without a finger; the twin of a verdict needs one.")
     return rig
@@ -150,13 +150,13 @@ def _effects(
             raise UserError(f"{where} holds the effect {name!r}, which no twin can be given: {why}.")
         own = {key.partition(".")[2]: v for key, v in values.items() if key.startswith(f"{name}.")}
         try:
-            told = dict(effect.found({**values, **own, **shapes.get(name, {})}, _nominal(preset)))
+            parameters = dict(effect.found({**values, **own, **shapes.get(name, {})}, _nominal(preset)))
         except NotCarriedError as reason:
             raise UserError(f"{where}: the simulated bench cannot be given {name!r}; {reason}.") from None
         except KeyError as missing:
             raise UserError(f"{where} lacks {missing} of {name!r}; save the model again.") from None
-        chance |= {key: told.pop(key) for key in ("sign", "phase") if key in told}
-        result[name] = {**effect.defaults(), **told}
+        chance |= {key: parameters.pop(key) for key in ("sign", "phase") if key in parameters}
+        result[name] = {**effect.defaults(), **parameters}
     return result, chance
 
 

@@ -353,14 +353,16 @@ def read_run_table(path: Path) -> list[RunPlan]:
 
 
 def _runs(cells: dict[str, str], where: str, folder: Path) -> list[RunPlan]:
-    told = {name: text.strip() for name, text in cells.items() if text.strip()}
-    phase, cable, often = told.pop("phase", "on_air"), told.pop("cable", None), told.pop("runs", "1")
+    entries = {name: text.strip() for name, text in cells.items() if text.strip()}
+    phase, cable, often = entries.pop("phase", "on_air"), entries.pop("cable", None), entries.pop("runs", "1")
     if not often.isdecimal() or not 1 <= int(often) <= MOST_RUNS:
         raise UserError(f"{where} has 'runs' = {often!r}; it should be a whole number from 1.")
-    words = {name: text for name, text in told.items() if name in WORDS}
+    words = {name: text for name, text in entries.items() if name in WORDS}
     if "file" in words:  # beside the table, unless it says where
         words["file"] = str(folder / words["file"])
-    scans = {name: scan_values(text, f"{where}, {name}") for name, text in told.items() if name not in WORDS}
+    scans = {
+        name: scan_values(text, f"{where}, {name}") for name, text in entries.items() if name not in WORDS
+    }
     plans = []
     for values in itertools.product(*scans.values()):
         numbers = dict(zip(scans, values, strict=True))

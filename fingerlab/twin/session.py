@@ -117,13 +117,13 @@ def write_session(
         if hidden
         else check_effects(effects, "The call")
     )
-    told: dict[str, Any] = {"protocol": protocol, "preset": preset.name}
+    facts: dict[str, Any] = {"protocol": protocol, "preset": preset.name}
     if hidden:
-        attributes = {SEALED: seal({**told, "effects": chosen, "seed": seed})}
+        attributes = {SEALED: seal({**facts, "effects": chosen, "seed": seed})}
     else:
-        told |= {"effects": chosen, "seed": seed}
+        facts |= {"effects": chosen, "seed": seed}
         attributes = {}
-    attributes |= {SIMULATION: json.dumps(told), "tags": json.dumps(["simulated"])}
+    attributes |= {SIMULATION: json.dumps(facts), "tags": json.dumps(["simulated"])}
     seconds = 0.0
     with SessionWriter(
         path, preset.rig, f"simulated session, {protocol} protocol", attributes=attributes, float32=True
@@ -188,23 +188,23 @@ def reveal_session(path: Path) -> dict[str, Any]:
     if SEALED in attributes:
         return _with_effects(unseal(str(attributes[SEALED]), str(path)), path, sealed=True)
     if SIMULATION in attributes:
-        told = attributes[SIMULATION]
+        text = attributes[SIMULATION]
         what = f"{path}, attribute '{SIMULATION}',"
-        return _with_effects(read_object(told, what, "simulate the session again"), path, sealed=False)
+        return _with_effects(read_object(text, what, "simulate the session again"), path, sealed=False)
     raise UserError(
         f"{path} was not simulated by FingerLab, so there is nothing to reveal; "
         f"give a session from 'simulate'."
     )
 
 
-def _with_effects(told: dict[str, Any], path: Path, sealed: bool) -> dict[str, Any]:
-    effects = told.get("effects")
+def _with_effects(revealed: dict[str, Any], path: Path, sealed: bool) -> dict[str, Any]:
+    effects = revealed.get("effects")
     numbers = effects.values() if isinstance(effects, dict) else [None]
     if not all(isinstance(n, dict) and all(isinstance(v, int | float) for v in n.values()) for n in numbers):
         raise UserError(
             f"{path} was simulated, but does not say with which effects and numbers; simulate it again."
         )
-    return {**told, "sealed": sealed}
+    return {**revealed, "sealed": sealed}
 
 
 def _hidden_rng(seed: int) -> np.random.Generator:

@@ -26,7 +26,7 @@ from fingerlab.acquisition.protocols.steps import plan_steps
 from fingerlab.acquisition.recording import Level, crossings, read_level
 from fingerlab.cli.common import progress_bar
 from fingerlab.cli.record import record
-from fingerlab.cli.record_session import Events, Told, _Writing, take
+from fingerlab.cli.record_session import Events, SessionOptions, _Writing, take
 from fingerlab.core.errors import UserError
 from fingerlab.devices.faults import fault_after
 from fingerlab.devices.simulated import SimulatedRig
@@ -235,7 +235,7 @@ def test_who_is_asked_to_change_the_bench(
     settings = LoopSettings(BenchUnits.from_rig(default_rig()), Limits())
     bench = InlineBench(device, settings, tmp_path / "rescued")
     plan = RunPlan("on_air", "extension", {**RUN, "duration_s": 1.0})
-    told = Told(
+    options = SessionOptions(
         out=tmp_path / "s.h5", name="own", title=None, attributes={}, initial=Initialise(),
         beginning=Beginning(), model=None, orders=[], typed=typed, asks=True,
     )  # fmt: skip
@@ -244,7 +244,7 @@ def test_who_is_asked_to_change_the_bench(
     with Events(str(tmp_path / "events.jsonl")) as events:
         try:
             path, samples, runs = take(
-                bench, default_rig(), plan_steps([plan, plan], 0.8, 0.1), told, events, bar, report
+                bench, default_rig(), plan_steps([plan, plan], 0.8, 0.1), options, events, bar, report
             )
             seen = f"{runs} runs"
             assert samples == 2000
@@ -267,13 +267,13 @@ def test_an_emergency_stop_ends_the_recording_and_is_in_events_and_file(
     settings = LoopSettings(BenchUnits.from_rig(rig.rig), rig.rig.limits)
     bench = InlineBench(rig, settings, tmp_path / "rescued")
     plan = RunPlan("on_air", "extension", {**RUN, "duration_s": 8.0})
-    told = Told(
+    options = SessionOptions(
         out=tmp_path / "s.h5", name="own", title=None, attributes={}, initial=Initialise(),
         beginning=Beginning(), model=None, orders=[], typed=True, asks=False,
     )  # fmt: skip
     bar, report = progress_bar("test")
     with Events(str(tmp_path / "events.jsonl")) as events, pytest.raises(UserError, match="emergency stop"):
-        take(bench, rig.rig, plan_steps([plan], 0.8, 0.1), told, events, bar, report)
+        take(bench, rig.rig, plan_steps([plan], 0.8, 0.1), options, events, bar, report)
     text = (tmp_path / "events.jsonl").read_text(encoding="utf-8")
     lines = [json.loads(line) for line in text.splitlines()]
     readings = of(lines, "readings")

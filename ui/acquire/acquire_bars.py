@@ -83,13 +83,13 @@ class AcquireHeader(QWidget):
         Args:
             unchecked: no check has confirmed the bench, whose current is therefore limited.
         """
-        told = [f"{name[:1].upper()}{name[1:]} {word}" for name, word in words.items()]
+        states = [f"{name[:1].upper()}{name[1:]} {word}" for name, word in words.items()]
         if unchecked:
-            told = ["Not checked: little current", *told]
-        wired = [line for line in told if not line.endswith("not wired")]
-        short = " · ".join(wired) or ("No emergency stop input" if told else "")
-        if self.lines.text() != " · ".join(told):
-            self.lines.set_texts([" · ".join(told), short])
+            states = ["Not checked: little current", *states]
+        wired = [line for line in states if not line.endswith("not wired")]
+        short = " · ".join(wired) or ("No emergency stop input" if states else "")
+        if self.lines.text() != " · ".join(states):
+            self.lines.set_texts([" · ".join(states), short])
 
     def show_written(self, path: Path) -> None:
         """Offer what was just recorded."""

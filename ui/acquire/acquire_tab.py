@@ -326,14 +326,14 @@ class AcquireTab(Tab):
             return
         initial = self.panel.initial.command()
 
-        def told(slack: float) -> None:
+        def taken_up(slack: float) -> None:
             self.context.say(
                 f"Slack of {math.degrees(slack):.1f}° taken up; the motor's reference is there now"
             )
 
         title = "Taking up the slack"
         self.controller.do(
-            title, lambda bench: take_up_slack(bench, initial), told, long=True, doing=title.lower()
+            title, lambda bench: take_up_slack(bench, initial), taken_up, long=True, doing=title.lower()
         )
 
     def _find_contact(self) -> None:
@@ -341,7 +341,7 @@ class AcquireTab(Tab):
             return
         force = self.panel.protocol.force.value()
 
-        def told(angle: float | None) -> None:
+        def found(angle: float | None) -> None:
             if angle is None:
                 return
             offset = self.panel.motion.numbers["offset_deg"]
@@ -352,7 +352,7 @@ class AcquireTab(Tab):
         self._lasts_s = None
         title = "Finding the contact"
         self.controller.do(
-            title, lambda bench: find_contact(bench, force), told, long=True, doing=title.lower()
+            title, lambda bench: find_contact(bench, force), found, long=True, doing=title.lower()
         )
 
     def _start(self) -> None:

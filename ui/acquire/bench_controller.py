@@ -220,11 +220,11 @@ class BenchController(QObject):
         """
         bench, before, failed = self.bench, self.doing, failed or self._on_failed
         if doing is not None:
-            self.doing, told = doing, failed
+            self.doing, on_failed = doing, failed
 
             def failed(failure: Failed) -> None:
                 self.doing = before
-                told(failure)
+                on_failed(failure)
 
         if bench is None:
             self.context.tell(NO_BENCH)

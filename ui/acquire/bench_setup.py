@@ -142,8 +142,8 @@ def open_bench(wanted: BenchRequest, make: MakeBench = in_processes) -> OpenBenc
     folder = None
     if choice.kind != REPLAY:  # what was recorded has the calibration of its time
         folder = default_folder(wanted.rig_file, "default" if wired else "simulated")
-        known, told = rig_and_attributes(known, folder)
-        attributes |= told
+        known, calibration = rig_and_attributes(known, folder)
+        attributes |= calibration
     settings = LoopSettings(BenchUnits.from_rig(known), known.limits)
     checked = to_check = None
     if wired:

@@ -90,11 +90,11 @@ class CheckRun(QObject):
         self.outcome_found.emit(outcome)
 
     def ask(self, step: str, question: str) -> str:
-        from fingerlab.acquisition.check_rig.look import told
+        from fingerlab.acquisition.check_rig.look import as_bench_failed
 
         assert self._bench is not None
         self._answered.clear()
-        with told():  # whoever has pressed STOP is not waited for
+        with as_bench_failed():  # whoever has pressed STOP is not waited for
             self._bench.wait_until(
                 self._answered.is_set, math.inf, "", lambda: self.asked.emit(step, question)
             )

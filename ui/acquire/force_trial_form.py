@@ -117,11 +117,11 @@ class ForceTrialFields(QObject):
             raise UserError("Choose a text table of time (s) and force (N).")
         if self._rig is None:
             raise UserError(NO_RIG)
-        told = TrialSettings(
+        settings = TrialSettings(
             self.path, json.dumps(self.wanted.settings()), self.pairs.value(), force=force, rest_s=rest_s,
             asks=True,
         )  # fmt: skip
-        return ForceTrial(told, self._rig)
+        return ForceTrial(settings, self._rig)
 
     def _choose(self) -> None:
         folder = str(self.path.parent if self.path is not None else Path.home())

@@ -38,7 +38,7 @@ class Trigger:
 
 
 class LivePlots(QWidget):
-    """Signals: held_changed(on); cursors_told(times, differences, values): empty for no cursors."""
+    """Signals: held_changed(on); cursors_moved(times, differences, values): empty for no cursors."""
 
     held_changed = Signal(bool)
     cursors_moved = Signal(str, str, str)
@@ -290,8 +290,8 @@ class LivePlots(QWidget):
                     values.append(f"{quantity.title}: A {quantity.text(at[0])}, B {quantity.text(at[1])}")
                     title = quantity.title if quantity.title.isupper() else quantity.title.lower()
                     differences.append(f"{title} {quantity.text(at[1] - at[0])}")
-        told = (times, f"B − A: {', '.join(differences)}", "\n".join(values))
-        self.cursors_moved.emit(*(with_minus(text) for text in told))
+        texts = (times, f"B − A: {', '.join(differences)}", "\n".join(values))
+        self.cursors_moved.emit(*(with_minus(text) for text in texts))
 
 
 def last_crossing(history: LiveHistory, trigger: Trigger, before: int) -> int | None:

@@ -70,7 +70,7 @@ class ProtocolRun(QObject):
         super().__init__(recording)
         self._recording, self._controller = recording, recording.controller
         self._answered = threading.Event()
-        self._told: tuple[int, str, int] = (0, "", 0)
+        self._reported: tuple[int, str, int] = (0, "", 0)
         self.completed = 0
         self.written: Path | None = None
 
@@ -146,8 +146,8 @@ class ProtocolRun(QObject):
         """Asked hundreds of times a second; told when something of it changes on the screen."""
         self.completed = driver.completed
         now = round(500 * share), words, math.ceil(driver.step_left_s)
-        if now != self._told:
-            self._told = now
+        if now != self._reported:
+            self._reported = now
             self.progressed.emit(share, words, driver.step_left_s, driver.left_s)
 
     # its end

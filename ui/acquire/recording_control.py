@@ -137,7 +137,7 @@ class SessionWriting(QObject):
         self.share, self.words = 0.0, ""
         self._clock, self._began, self._until = clock, 0.0, math.inf
         self._later = threading.Event()
-        self._told = (-1, "")
+        self._reported = (-1, "")
         self._went_on.connect(self._on_went_on)
 
     @property
@@ -174,7 +174,7 @@ class SessionWriting(QObject):
             UserError: it could not be written.
         """
         self._later.clear()
-        self._told, self._began = (-1, ""), self._clock()
+        self._reported, self._began = (-1, ""), self._clock()
         try:
             return SessionEnding(bench.recorder.close(self._report), True)
         except Cancelled:
@@ -185,8 +185,8 @@ class SessionWriting(QObject):
         if self._later.is_set() or self._clock() > self._until:
             raise Cancelled
         now = round(PROGRESS_STEPS * share), what
-        if now != self._told:
-            self._told = now
+        if now != self._reported:
+            self._reported = now
             self._went_on.emit(share, what)
 
     # in the window
@@ -444,13 +444,13 @@ class RecordingControl(QObject):
         status = self.controller.status
         device = status.device if status is not None else ""
         title = self.details.title.strip() or f"{what or 'recorded by hand'} on {device}"
-        told = {**opened.attributes, "protocol": what or "by hand", "device": device}
+        attributes = {**opened.attributes, "protocol": what or "by hand", "device": device}
         return SessionInfo(
             free_name(self.details.folder, f"{now:%Y-%m-%d-%H%M%S}"),
             opened.rig.to_json(),
             title,
             now.isoformat(timespec="seconds"),
-            {**self.details.attributes(), **told},
+            {**self.details.attributes(), **attributes},
         )
 
 

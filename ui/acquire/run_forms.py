@@ -254,13 +254,13 @@ class ProtocolForm(QWidget):
         numbers = {name: field.value() for name, field in self._numbers.items()}
         row = self.which.findData(HANDED)
         handed = (self._handed, self.which.itemText(row) if row >= 0 else "")
-        told = {
+        chosen = {
             "which": self.which.currentData(),
             "scans": {name: field.text() for name, field in self.scans.items()},
             "table": self._table,
             "trial": self.trial.state(),
         }
-        return {**told, "runs": self.runs.value(), "first": self.first.value(), **numbers, "handed": handed}
+        return {**chosen, "runs": self.runs.value(), "first": self.first.value(), **numbers, "handed": handed}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Every field as it was."""
@@ -420,10 +420,10 @@ def run_words(run: Record) -> str:
     """``In contact, flexion cable: sine, 1.6°, 2.5 Hz.``; how long it takes is told anyway."""
     phase = PHASE_WORDS.get(run.phase, run.phase)
     cable = f", {run.cable} cable" if run.cable != "none" else ""
-    told = {
+    motion = {
         key: value for key, value in run.trajectory.items() if key not in ("duration_s", "sha256", "file")
     }
-    words = ", ".join(filter(None, (trajectory_words(told), changed_words(run.attributes))))
+    words = ", ".join(filter(None, (trajectory_words(motion), changed_words(run.attributes))))
     return f"{phase[:1].upper()}{phase[1:]}{cable}: {words}."
 
 

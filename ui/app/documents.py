@@ -381,8 +381,8 @@ def _of_column(view: QAbstractItemView, place: QPoint) -> list[str]:
         column = view.indexAt(place).column() if isinstance(view, QTableView) else -1
     if column < 0:
         return []
-    told = [view.model().headerData(column, ACROSS, role) for role in ROLES]
-    return [str(text).replace("\n", " ") for text in told if text]
+    texts = [view.model().headerData(column, ACROSS, role) for role in ROLES]
+    return [str(text).replace("\n", " ") for text in texts if text]
 
 
 def _said_at(window: QWidget, place: QPoint) -> list[str]:

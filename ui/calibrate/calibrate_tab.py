@@ -332,9 +332,9 @@ class CalibrateTab(Tab):
         records = self._current()
 
         def done(result: Any) -> None:
-            path, told = result
+            path, sentences = result
             self.context.recorded(path)
-            self.context.announce(f"{path.name} is written: {'; '.join(told)}.", path)
+            self.context.announce(f"{path.name} is written: {'; '.join(sentences)}.", path)
 
         self._run("Calibrating anew", lambda progress: apply_again(source, target, records, progress), done)
 

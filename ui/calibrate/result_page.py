@@ -187,9 +187,9 @@ class ResultPage(QWidget):
         left.addWidget(self.legend)
         left.addWidget(self.fit, 3)
         left.addWidget(self.residuals, 2)
-        told = QWidget()
-        told.setFixedWidth(PANEL_WIDTH - 1)
-        words = QVBoxLayout(told)
+        content = QWidget()
+        content.setFixedWidth(PANEL_WIDTH - 1)
+        words = QVBoxLayout(content)
         words.setContentsMargins(16, 16, 16, 0)
         words.setSpacing(8)
         words.addLayout(self.numbers)
@@ -210,7 +210,7 @@ class ResultPage(QWidget):
         side = QVBoxLayout(panel)
         side.setContentsMargins(1, 0, 0, 0)  # beside the panel's edge
         side.setSpacing(0)
-        side.addWidget(SideRoom(told), 1)  # many words scroll; the buttons stay in sight
+        side.addWidget(SideRoom(content), 1)  # many words scroll; the buttons stay in sight
         side.addLayout(decision)
         hbox(self, (left, 1), panel, margins=FLUSH, spacing=0)
 

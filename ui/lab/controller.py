@@ -335,10 +335,10 @@ class LabController(QObject):
         if history is None or project is None:
             return
         steps = story([step.diagnosis for step in history.steps])
-        told = ("", *(f"{step.title}: {step.evidence}" if step.evidence else "" for step in steps))
+        evidence_lines = ("", *(f"{step.title}: {step.evidence}" if step.evidence else "" for step in steps))
         path = tuple(
             TriedModel(step.added, step.diagnosis.score, evidence, step.held)
-            for step, evidence in zip(history.steps, told, strict=True)
+            for step, evidence in zip(history.steps, evidence_lines, strict=True)
         )
         for model in path:
             if model not in project.tried:

@@ -152,9 +152,9 @@ class LabView(QWidget):
         wanted = (failure.equation, failure.run) if first_look and failure is not None else None
         self.bar.show_comparisons(diagnosis.comparisons, self.controller.sessions, wanted)
         self.candidates.show_diagnosis(diagnosis)
-        for told in (self._parts, self._budget):
-            if told is not None and told.isVisible():
-                told.show_diagnosis(diagnosis)
+        for dialog in (self._parts, self._budget):
+            if dialog is not None and dialog.isVisible():
+                dialog.show_diagnosis(diagnosis)
         self.better.show_diagnosis(diagnosis)
         self.evidence.show_choice(best_choice(diagnosis), diagnosis)
         self.path.show_history(history)
@@ -293,8 +293,8 @@ class LabView(QWidget):
                 self.evidence.show_choice(found[0], step.diagnosis)
                 candidate = find_candidate(step.diagnosis, found[0])
                 seen = candidate is not None and candidate.detectable
-                told = "What gave it away" if seen else "Not to be seen in these data"
-                self.evidence.title.setText(f"{told}: {self.evidence.title.text()}")
+                prefix = "What gave it away" if seen else "Not to be seen in these data"
+                self.evidence.title.setText(f"{prefix}: {self.evidence.title.text()}")
                 self.right.setCurrentWidget(self.evidence)
                 self.steps.set_current("missing")
                 return

@@ -141,7 +141,7 @@ class ScorePartsDialog(QDialog):
         self.table.verticalHeader().setDefaultSectionSize(QFontMetrics(small_font()).height() + ROOM)
         self.table.cellClicked.connect(self._choose)
         self.table.cellActivated.connect(self._choose)
-        self._told: ScoreTable | None = None
+        self._scores: ScoreTable | None = None
         close = QDialogButtonBox(QDialogButtonBox.StandardButton.Close)
         close.rejected.connect(self.reject)
         hint = remark(
@@ -153,48 +153,48 @@ class ScorePartsDialog(QDialog):
 
     def show_diagnosis(self, diagnosis: Diagnosis) -> None:
         """The parts of another model's error."""
-        self._told = told = score_table(diagnosis)
+        self._scores = scores = score_table(diagnosis)
         self.title.setText(f"The error is {score_text(diagnosis.score)} times the floor")
-        if told is None:
+        if scores is None:
             self.words.setText("It is not known of what: no run could be left out of the fit.")
             self.table.setVisible(False)
             return
         self.words.setText(
-            f"Its square, {told.squared}, is the sum of {told.floor} for the floor and of what each equation "
-            f"misses beyond it in the runs of each motion: every number below, {told.together} together. "
-            f"{aside_sentence(diagnosis)}"
+            f"Its square, {scores.squared}, is the sum of {scores.floor} for the floor and of what each "
+            "equation misses beyond it in the runs of each motion: every number below, "
+            f"{scores.together} together. {aside_sentence(diagnosis)}"
         )
-        self._fill(told)
+        self._fill(scores)
         self.table.setVisible(True)
 
-    def _fill(self, told: ScoreTable) -> None:
+    def _fill(self, scores: ScoreTable) -> None:
         columns = [
             ("Runs", "Runs that were told the same motion."),
             ("Samples", "Their share of all samples that are judged."),
             *(
                 (title, f"What the equation of the {title[:1].lower()}{title[1:]} adds.")
-                for title in told.titles
+                for title in scores.titles
             ),
             ("Together", "What these runs add."),
             ("Left aside", "\n".join(ASIDE_HELP.values())),
         ]
         self.table.set_columns(columns)
-        rows = [(row.title, row.samples, *row.cells, row.together, row.aside) for row in told.rows]
-        blank = [""] * (len(told.equations) + 1)
-        rows += [("All runs", "", *told.sums, told.together, "")]
-        rows += [(FLOOR_ROW, *blank, told.floor, ""), (SQUARED_ROW, *blank, told.squared, "")]
+        rows = [(row.title, row.samples, *row.cells, row.together, row.aside) for row in scores.rows]
+        blank = [""] * (len(scores.equations) + 1)
+        rows += [("All runs", "", *scores.sums, scores.together, "")]
+        rows += [(FLOOR_ROW, *blank, scores.floor, ""), (SQUARED_ROW, *blank, scores.squared, "")]
         self.table.setRowCount(len(rows))
-        largest = max((_number(cell) for row in told.rows for cell in row.cells), default=0.0)
+        largest = max((_number(cell) for row in scores.rows for cell in row.cells), default=0.0)
         colour = colours_of(self).residual
         for place, row in enumerate(rows):
             for column, text in enumerate(row):
                 item = QTableWidgetItem(text)
                 words = column in (0, len(row) - 1)
                 item.setTextAlignment(LEFT if words else RIGHT)
-                part = place < len(told.rows) and 2 <= column < 2 + len(told.equations)
+                part = place < len(scores.rows) and 2 <= column < 2 + len(scores.equations)
                 if part and largest > 0 and _number(text) > 0:
                     item.setBackground(tint(colour, STRONGEST * _number(text) / largest))
-                if place >= len(told.rows):
+                if place >= len(scores.rows):
                     font = item.font()
                     font.setBold(True)
                     item.setFont(font)
@@ -208,14 +208,14 @@ class ScorePartsDialog(QDialog):
         header.setSectionResizeMode(len(columns) - 1, QHeaderView.ResizeMode.Stretch)
 
     def _choose(self, row: int, column: int) -> None:
-        told = self._told
-        if told is None or row >= len(told.rows):
+        scores = self._scores
+        if scores is None or row >= len(scores.rows):
             return
-        equations = told.equations
-        parts = [_number(cell) for cell in told.rows[row].cells]
+        equations = scores.equations
+        parts = [_number(cell) for cell in scores.rows[row].cells]
         own = 2 <= column < 2 + len(equations)
         place = column - 2 if own else max(range(len(parts)), key=parts.__getitem__)
-        self.part_chosen.emit(equations[place], told.rows[row].runs[0])
+        self.part_chosen.emit(equations[place], scores.rows[row].runs[0])
 
 
 def _number(text: str) -> float:
@@ -389,7 +389,7 @@ def compared(a: Diagnosis, b: Diagnosis) -> list[tuple[str, str, str]]:
     keys = [
         key
         for key in dict.fromkeys((*a.parameters, *b.parameters))
-        if _told(key) or key in a.held or key in b.held
+        if _worth_showing(key) or key in a.held or key in b.held
     ]
     titles = {key: parameter_title(key, keys) for key in keys}
     named = Counter(titles.values())
@@ -409,6 +409,6 @@ def _share(share: float) -> str:
     return f"{round(100 * share)} %"
 
 
-def _told(key: str) -> bool:
+def _worth_showing(key: str) -> bool:
     """Effects' own numbers, and the moment arms; nuisances only let a constant move within its tolerance."""
     return "." in key or key.startswith("arm_")

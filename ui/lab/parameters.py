@@ -134,8 +134,8 @@ class ParametersPanel(QWidget):
         self.what_if, self._moving = None, ""
         self.history.forget()
         if at_hand is None:
-            told = diagnosis is None or diagnosis.fitted is not None
-            self.words.setText("Laying out …" if told else "This comparison kept no fit to move.")
+            pending = diagnosis is None or diagnosis.fitted is not None
+            self.words.setText("Laying out …" if pending else "This comparison kept no fit to move.")
             self.table.setRowCount(0)
             self._now = ParameterChange({}, frozenset())
             self._show_chosen()

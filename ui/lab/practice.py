@@ -114,8 +114,8 @@ def reveal(
     if not effects:
         answer = "Nothing was hidden: the bench has noise and tolerances and no missing effect."
     else:
-        told = "; ".join(_told(name, values, fitted or {}) for name, values in effects.items())
-        answer = f"Hidden was: {told}."
+        words = "; ".join(_effect_words(name, values, fitted or {}) for name, values in effects.items())
+        answer = f"Hidden was: {words}."
     if hidden == set(model):
         return f"{answer} Your guess was right: your model has just that. {NEXT}"
     named = listed([in_sentence(effect_title(name)) for name in effects if name not in model])
@@ -190,7 +190,7 @@ Effects that simulator and fit describe otherwise are left out: they are told as
 """
 
 
-def _told(name: str, values: Hidden, fitted: Mapping[str, ParameterEstimate]) -> str:
+def _effect_words(name: str, values: Hidden, fitted: Mapping[str, ParameterEstimate]) -> str:
     """An effect with its constants, by the names that the fit has for them if any, and what was fitted."""
     from fingerlab.report.diagnosis_words import effect_title, in_sentence
     from fingerlab.report.parameter_words import parameter_titles

@@ -323,8 +323,8 @@ def sessions_text(sessions: tuple[Session, ...]) -> str:
         for run in session.runs:
             counts[run.phase] = counts.get(run.phase, 0) + 1
     total = sum(counts.values())
-    told = {PHASE_WORDS.get(phase, phase): count for phase, count in counts.items()}
-    phases = ", ".join(f"{count} {words}" if len(told) > 1 else words for words, count in told.items())
+    counted = {PHASE_WORDS.get(phase, phase): count for phase, count in counts.items()}
+    phases = ", ".join(f"{count} {words}" if len(counted) > 1 else words for words, count in counted.items())
     if not total:
         return f"{names} · no runs"
     return f"{names} · {total} run{'s' if total != 1 else ''}: {phases}"

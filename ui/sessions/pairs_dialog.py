@@ -135,12 +135,12 @@ class PairsDialog(ResultDialog):
                 item.setToolTip(text)
                 self.table.setItem(row, column, item)
             for column, (name, unit) in enumerate(units.items(), start=2):
-                told = cell(pair, name, unit)
-                item = QTableWidgetItem(told.text)
+                shown = cell(pair, name, unit)
+                item = QTableWidgetItem(shown.text)
                 item.setTextAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
-                item.setToolTip(told.help)
-                if told.times > NOTABLE:
-                    item.setBackground(tint(colour, STRONGEST * min(told.times / MOST_TIMES, 1.0)))
+                item.setToolTip(shown.help)
+                if shown.times > NOTABLE:
+                    item.setBackground(tint(colour, STRONGEST * min(shown.times / MOST_TIMES, 1.0)))
                 self.table.setItem(row, column, item)
         header = self.table.horizontalHeader()
         header.setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)

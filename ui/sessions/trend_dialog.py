@@ -121,8 +121,8 @@ class BenchesPage(QWidget):
                 groups = two_groups(self._contents.rows, *names)
                 found = shared_effects(*groups, self._contents.units)
                 cells = [row for one in found for row in shared_cells(one)]
-                told = [shared_sentence(one, *groups) for one in found]
-                said = "\n".join(told) or "No effect was found in any session of either."
+                sentences = [shared_sentence(one, *groups) for one in found]
+                said = "\n".join(sentences) or "No effect was found in any session of either."
             except UserError as error:
                 said = str(error)
         self.words.setText(said)
@@ -215,22 +215,22 @@ class TrendPlot(QuietPlot):
         """The levels of the likeliest course, and where a step or an odd session is; returns their ends."""
         assert self.course is not None
         course = self.course.course
-        told, first, last = course.verdict, course.first, course.last
-        if told == "open":
+        verdict, first, last = course.verdict, course.first, course.last
+        if verdict == "open":
             return []
-        if told in STEPS:
+        if verdict in STEPS:
             k = course.place
             self._mark(days[k - 1], days[k])
             self._band(days[[0, k - 1]], first, first, "before")
             self._band(days[[k, len(days) - 1]], last, last, "after")
             return self._ends(first, last)
-        if told == "odd":
+        if verdict == "odd":
             at = float(days[int(np.argmax(course.odd))])
             room = 0.01 * float(days[-1] - days[0])
             self._mark(at - room, at + room)
-        if told == "warm_up":  # it comes back with every pause: a band over days would hide that
+        if verdict == "warm_up":  # it comes back with every pause: a band over days would hide that
             return []
-        self._band(days[[0, -1]], first, last, KIND_WORDS[told])
+        self._band(days[[0, -1]], first, last, KIND_WORDS[verdict])
         return self._ends(first, last)
 
     def _mark(self, start: float, stop: float) -> None:
@@ -311,11 +311,11 @@ class TrendDialog(ResultDialog):
     def show_contents(self, contents: Contents, folder: Path) -> None:
         """Show the sessions of a batch's table."""
         self._rows = with_strengths(ageing_rows(contents.rows))
-        told = courses(contents.rows, contents.units)
-        self._courses = {one.column: one for one in told}
-        found = changes(contents.rows, contents.units, told)
+        number_courses = courses(contents.rows, contents.units)
+        self._courses = {one.column: one for one in number_courses}
+        found = changes(contents.rows, contents.units, number_courses)
         self._changes = {name: one for one in reversed(found) for name in (*one.others, one.column) if name}
-        self._trends = _with_courses(trends(contents.rows, contents.units), told, self._rows)
+        self._trends = _with_courses(trends(contents.rows, contents.units), number_courses, self._rows)
         self.title.setText(f"{len(self._rows)} sessions in “{folder.name}” with a verdict and a time")
         self.words.setText(self._said(found))
         led = {one.column for one in found}
@@ -339,33 +339,34 @@ class TrendDialog(ResultDialog):
             return (
                 f"A change needs verdicts of {LEAST_SESSIONS} times, a trend of {LEAST_TIMES}; {how}.{then}"
             )
-        told = [change_sentence(one) for one in found]
+        sentences = [change_sentence(one) for one in found]
         rest = beside(list(self._courses.values()), found)
-        told += [course_sentence(one) for one in rest if one.course.verdict not in ("steady", "open")]
-        return "\n".join(told) or "No change of any number is likelier than none. Each one's own below."
+        sentences += [course_sentence(one) for one in rest if one.course.verdict not in ("steady", "open")]
+        return "\n".join(sentences) or "No change of any number is likelier than none. Each one's own below."
 
     def _fill(self) -> None:
-        self.table.show_rows([(*_cells(trend), self._told(trend.column)) for trend in self._trends])
+        self.table.show_rows([(*_cells(trend), self._verdict_words(trend.column)) for trend in self._trends])
         for part in (self.table, self.plot, self.sentence, self.hint):  # an empty plot has axes of nothing
             part.setVisible(bool(self._trends))
         if self._trends:
             self.table.setCurrentCell(0, 0)
         self._show_chosen()
 
-    def _told(self, column: str) -> str:
+    def _verdict_words(self, column: str) -> str:
         one = self._courses.get(column)
         if one is None:
             return "–"
-        told = one.course.verdict
-        if told == "open":
-            return KIND_WORDS[told]
-        if told == "steady":
-            return f"{KIND_WORDS[told]} {percent(one.course.certain)}"
+        verdict = one.course.verdict
+        if verdict == "open":
+            return KIND_WORDS[verdict]
+        if verdict == "steady":
+            return f"{KIND_WORDS[verdict]} {percent(one.course.certain)}"
         change = self._changes.get(column)
         if one.leans_on or (change is not None and change.column not in (column, "")):
-            kind = "step" if told in STEPS else KIND_WORDS[told]  # whose effect came or went, the other says
+            # Whose effect came or went, the other says.
+            kind = "step" if verdict in STEPS else KIND_WORDS[verdict]
             return f"{kind} {percent(one.course.certain)}, with another"
-        return f"{KIND_WORDS[told]} {percent(one.course.certain)}"
+        return f"{KIND_WORDS[verdict]} {percent(one.course.certain)}"
 
     def _show_chosen(self) -> None:
         row = self.table.currentRow()
@@ -375,11 +376,13 @@ class TrendDialog(ResultDialog):
         self.sentence.setText("" if course is None else course_sentence(course))
 
 
-def _with_courses(known: Sequence[Trend], told: Sequence[NumberCourse], rows: Sequence[Row]) -> list[Trend]:
+def _with_courses(
+    known: Sequence[Trend], number_courses: Sequence[NumberCourse], rows: Sequence[Row]
+) -> list[Trend]:
     """The trends, and numbers that have a course alone; those of no trend have no slope."""
     named = {one.column for one in known}
     more = []
-    for one in told:
+    for one in number_courses:
         if one.column not in named:
             values = [number_of(row.get(one.column)) for row in rows]
             median = float(np.nanmedian(values))

@@ -176,8 +176,8 @@ class FreePlot(QWidget):
             if getattr(self, "_named", None) != named:
                 self._named = named
                 self.plot.name_axes(*named)
-        told = f"{self.up.currentText()} over {self.across.currentText()}"
-        self.plot.setAccessibleDescription(told if len(x) else f"{told}: nothing recorded")
+        description = f"{self.up.currentText()} over {self.across.currentText()}"
+        self.plot.setAccessibleDescription(description if len(x) else f"{description}: nothing recorded")
         if len(x) and not self._by_hand:
             self._fit(x, y)
 

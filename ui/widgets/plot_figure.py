@@ -430,8 +430,8 @@ def values_of(item: Any) -> tuple[Array, Array] | None:
 def series_of(widget: QWidget) -> list[Series]:
     """Every curve that a plot shows, whole where the screen only draws a part; empty where it shows none."""
     if isinstance(widget, ShowsSeries):
-        return _told_apart(widget.shown_series())
-    return _told_apart(_of_view(widget, colours_of(widget)) if isinstance(widget, pg.GraphicsView) else [])
+        return _distinct(widget.shown_series())
+    return _distinct(_of_view(widget, colours_of(widget)) if isinstance(widget, pg.GraphicsView) else [])
 
 
 def to_csv(series: list[Series]) -> str:
@@ -464,7 +464,7 @@ def _of_view(view: pg.GraphicsView, colours: Colours) -> list[Series]:
     return found
 
 
-def _told_apart(series: list[Series]) -> list[Series]:
+def _distinct(series: list[Series]) -> list[Series]:
     """The same with a number behind a name that comes again."""
     seen: dict[tuple[str, str], int] = {}
     result = []

@@ -284,42 +284,42 @@ LOOP_ENDED = "The control loop has ended; connect the device again."
 
 def notices(before: Status, now: Status, rate_hz: float) -> tuple[Notice, ...]:
     """What is new since the last look."""
-    told = []
+    new = []
     fault = now.fault or (LOOP_ENDED if now.loop_ended else "")
     if now.faults != before.faults or (now.loop_ended and not before.loop_ended):
-        told.append(Notice(Kind.STOPPED, fault or LOOP_ENDED, grave=True))
+        new.append(Notice(Kind.STOPPED, fault or LOOP_ENDED, grave=True))
     elif now.latched and not before.latched:
-        told.append(Notice(Kind.STOPPED, "The bench was stopped by the operator."))
+        new.append(Notice(Kind.STOPPED, "The bench was stopped by the operator."))
     if now.recorder and now.recorder != before.recorder:
-        told.append(Notice(Kind.RECORDER, now.recorder))
+        new.append(Notice(Kind.RECORDER, now.recorder))
     if now.recording and now.gaps > before.gaps:
         gaps = "its first gap" if now.gaps == 1 else f"{now.gaps} gaps"
         lost = now.dropped - before.dropped
         sentence = f"{lost} {'sample' if lost == 1 else 'samples'} lost; the run has {gaps} and goes on"
-        told.append(Notice(Kind.LOST, sentence))
+        new.append(Notice(Kind.LOST, sentence))
     if now.recorded_runs > before.recorded_runs:
         # In the same place as the fault that ended it, which must not be lost for it.
         sentence = now.verdict if now.usable else f"{fault} {now.verdict}".strip()
-        told.append(Notice(Kind.RUN, sentence, grave=not now.usable))
+        new.append(Notice(Kind.RUN, sentence, grave=not now.usable))
     if now.sensors and now.sensors != before.sensors:
-        told.append(Notice(Kind.SENSOR, now.sensors))
-    told.extend(_of_lines(before, now, rate_hz))
+        new.append(Notice(Kind.SENSOR, now.sensors))
+    new.extend(_of_lines(before, now, rate_hz))
     if now.enabled and not before.enabled and now.lost > TOO_MANY_LOST * now.index:
         sentence = (
             f"The machine does not hold {rate_hz:g} Hz: {now.lost} of {now.index + 1} cycles were lost since "
             "connecting; close other programs, or expect gaps."
         )
-        told.append(Notice(Kind.PACE, sentence))
+        new.append(Notice(Kind.PACE, sentence))
     if now.sleep and now.sleep != before.sleep:
-        told.append(Notice(Kind.SLEEP, now.sleep))
-    told.extend(_of_room(before, now, rate_hz))
+        new.append(Notice(Kind.SLEEP, now.sleep))
+    new.extend(_of_room(before, now, rate_hz))
     if now.unread > before.unread:
         sentence = (
             f"The recorder was too slow: {now.unread} samples are lost and stored as a gap; close other "
             "programs or record to a faster disk."
         )
-        told.append(Notice(Kind.UNREAD, sentence))
-    return tuple(told)
+        new.append(Notice(Kind.UNREAD, sentence))
+    return tuple(new)
 
 
 TOO_MANY_LOST = 1e-3

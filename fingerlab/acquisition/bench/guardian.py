@@ -102,7 +102,7 @@ class PeerWatch:
         self._board, self._lost = board, lost
         self._window, self._recorder = sentences
         self._pulses = {self._window: ProcessWatch(window)}
-        self._told: set[str] = set()
+        self._reported: set[str] = set()
         self._cycles = 0
 
     def look(self) -> None:
@@ -118,8 +118,8 @@ class PeerWatch:
 
     def tell(self, sentence: str) -> None:
         """Whose sentence this is, is lost. May be called from another thread."""
-        if sentence not in self._told:
-            self._told.add(sentence)
+        if sentence not in self._reported:
+            self._reported.add(sentence)
             self._lost(sentence)
 
 

@@ -116,7 +116,7 @@ class ControlLoop:
         self._recorder_errors = board[Slot.RECORDER_ERRORS]
         self._dogs = watchdogs(settings, self._period)
         self._faults = self._run = 0
-        self._look_every, self._told = max(1, round(SENSORS_S / self._period)), ""
+        self._look_every, self._reported = max(1, round(SENSORS_S / self._period)), ""
         self._in_contact = False
         self._fit()
         self._safety: Safety
@@ -229,8 +229,8 @@ class ControlLoop:
         inputs = self.settings.units.inputs
         faults = (window_fault(SENSORS[k], inputs[k], reading.raw[k]) for k in self._sensors)
         sentence = next(filter(None, faults), "")
-        if sentence[:20] != self._told[:20]:  # told once, not anew with each volt
-            self._told = sentence
+        if sentence[:20] != self._reported[:20]:  # told once, not anew with each volt
+            self._reported = sentence
             self._board.set_text(Text.SENSORS, sentence)
 
     def _fit(self) -> None:
@@ -248,9 +248,9 @@ class ControlLoop:
     def _look_at_lines(self, reading: Reading) -> str:
         """The digital inputs, for the board and the state machine; why the motor must stop, or nothing."""
         self._publisher.publish_lines(reading)
-        told = self._interlock.look(reading, bool(self._board[Slot.ENABLE_LINE]))
-        if told is not None:
-            event, sentence = told
+        change = self._interlock.look(reading, bool(self._board[Slot.ENABLE_LINE]))
+        if change is not None:
+            event, sentence = change
             self._become(event)
             return sentence
         if self._enabling is not None and not self._interlock.settling:

@@ -274,10 +274,11 @@ class Steering:
         return self._bounds.fault(reading) if self._pulling and self._bounds is not None else None
 
     def _bounds_of(self, trajectory: Trajectory) -> Bounds | None:
-        told = trajectory.settings
-        if not trajectory.is_torque or not {MOST_FORCE, MOST_POSITION} & set(told):
+        settings = trajectory.settings
+        if not trajectory.is_torque or not {MOST_FORCE, MOST_POSITION} & set(settings):
             return None
-        force, position = float(told.get(MOST_FORCE, math.inf)), float(told.get(MOST_POSITION, math.inf))
+        force = float(settings.get(MOST_FORCE, math.inf))
+        position = float(settings.get(MOST_POSITION, math.inf))
         return Bounds(force, math.radians(position), max(1, round(DOUBT_S / self._period)))
 
     def advance(self, reading: Reading) -> bool:

@@ -214,7 +214,7 @@ class Look:
             BenchFailed: the bench stopped meanwhile.
         """
         reader = self.bench.ring.reader()
-        with told():
+        with as_bench_failed():
             if hand is None:
                 self.bench.wait(seconds)
             else:
@@ -236,7 +236,7 @@ class Look:
         That a pressed emergency stop is a fault of the bench is no reason to look away. Raises BenchFailed.
         """
         bench = self.bench
-        with told():
+        with as_bench_failed():
             bench.ask(MoveByHand(name, float(on)))
             end = bench.status().index + seconds * bench.rate_hz
             while bench.board[LINE_SLOTS[name]] != (Input.YES if on else Input.NO):
@@ -250,12 +250,12 @@ class Look:
 
     def ask(self, command: Command) -> None:
         """Ask the loop. Raises BenchFailed where it refuses."""
-        with told():
+        with as_bench_failed():
             self.bench.ask(command)
 
     def until(self, condition: Callable[[], bool], seconds: float, what: str) -> None:
         """Wait for the bench. Raises BenchFailed."""
-        with told():
+        with as_bench_failed():
             self.bench.wait_until(condition, seconds, what)
 
     def drive(
@@ -312,7 +312,7 @@ class Look:
 
 
 @contextmanager
-def told() -> Iterator[None]:
+def as_bench_failed() -> Iterator[None]:
     """Tell what the bench says from what is said to who asked for the check."""
     try:
         yield

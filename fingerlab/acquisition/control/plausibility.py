@@ -385,16 +385,17 @@ class CurrentAgrees:
         self._still = self._low = self._high = math.nan
 
     def judge(self, mean: Mean) -> str | None:
-        told = mean.commanded
-        if not abs(mean.current - self._still) <= STILL_CURRENT or told != told:
-            self._still, self._low, self._high = mean.current, told, told
-        self._low, self._high = min(self._low, told), max(self._high, told)
-        apart = abs(mean.current - told) > CURRENT_OFFSET + CURRENT_SHARE * abs(told)  # NaN: nothing was told
+        commanded = mean.commanded
+        if not abs(mean.current - self._still) <= STILL_CURRENT or commanded != commanded:
+            self._still, self._low, self._high = mean.current, commanded, commanded
+        self._low, self._high = min(self._low, commanded), max(self._high, commanded)
+        # NaN: nothing was told
+        apart = abs(mean.current - commanded) > CURRENT_OFFSET + CURRENT_SHARE * abs(commanded)
         self._count = self._count + 1 if apart else 0
         if self._count < CURRENT_BLOCKS and not self._high - self._low > CURRENT_OFFSET:
             return None
         return (
-            f"The current monitor shows {mean.current:.2g} A where {told:.2g} A were asked for; "
+            f"The current monitor shows {mean.current:.2g} A where {commanded:.2g} A were asked for; "
             "check its cable, the amplifier's supply and fault light, and signs and gains in [daq]."
         )
 

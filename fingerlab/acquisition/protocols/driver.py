@@ -59,8 +59,8 @@ LONGEST_BEFORE_S = 25.0
 def gains_of(bench: Bench) -> dict[str, float]:
     """Gains of the position loop as they are now, A/rad, A/(rad s), A s/rad."""
     board = bench.board
-    told = (Number.PROPORTIONAL, Number.INTEGRAL, Number.DERIVATIVE)
-    return {number.name.lower(): board.number(number) for number in told}
+    gains = (Number.PROPORTIONAL, Number.INTEGRAL, Number.DERIVATIVE)
+    return {number.name.lower(): board.number(number) for number in gains}
 
 
 def run_to_record(
@@ -378,8 +378,8 @@ class ProtocolDriver:
                 self._beginning.trigger, Lookout(rows, self._beginning.trigger, start), stop, words
             )
         if not self._ending:
-            told = str(step.attributes.get(INTERVENTION, ""))
-            set_up = SetUp(step.phase, step.cable, step.load_torque, told)
+            intervention = str(step.attributes.get(INTERVENTION, ""))
+            set_up = SetUp(step.phase, step.cable, step.load_torque, intervention)
             before, own = self._beginning.before_s, trajectory.settings
             self.run = run_to_record(bench, set_up, own, before, at, stop, step.attributes)
             self.number = step.number

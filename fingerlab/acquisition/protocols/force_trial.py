@@ -160,10 +160,10 @@ class ForceTrial:
     _share: float = 1.0
 
     def __post_init__(self) -> None:
-        told = self.settings
-        self._where = str(told.model_file)
-        self.model = extended_model(load_model(told.model_file), self._where)
-        self.wanted = wanted_force(told.wanted)
+        settings = self.settings
+        self._where = str(settings.model_file)
+        self.model = extended_model(load_model(settings.model_file), self._where)
+        self.wanted = wanted_force(settings.wanted)
         if self.wanted.time[-1] > LONGEST_S:
             raise UserError(
                 f"The wanted force lasts {self.wanted.time[-1]:.3g} s; a feed-forward that is learned from "
@@ -198,29 +198,30 @@ class ForceTrial:
     @property
     def attributes(self) -> dict[str, Any]:
         """Of the session."""
-        told = self.settings
+        settings = self.settings
         about = {
-            "model": told.model_file.name, "effects": list(self.model.effect_ids), "pairs": told.pairs,
-            "order": list(self.order), "seed": told.seed, "correction_share": told.correction_share,
+            "model": settings.model_file.name, "effects": list(self.model.effect_ids),
+            "pairs": settings.pairs, "order": list(self.order), "seed": settings.seed,
+            "correction_share": settings.correction_share,
         }  # fmt: skip
         return {FORCE_TRIAL: json.dumps(about)}
 
     def steps(self) -> tuple[Step, ...]:
         """All of them; torques are filled in as they are learned."""
-        told, set_up = self.settings, SetUp("contact", "flexion")
+        settings, set_up = self.settings, SetUp("contact", "flexion")
         models = tuple(dict.fromkeys((NOMINAL, *self.names)))  # the nominal one practises in any case
         learning = (PRACTICES - 1) * [self._learned] + [self._settled]
         practice = [(name, learn) for learn in learning for name in models]
         count = 2 + len(practice) + len(self.order)
         motion = {
             "kind": "sine",
-            "amplitude_deg": told.amplitude_deg,
+            "amplitude_deg": settings.amplitude_deg,
             "frequency_hz": POSE_HZ,
             "duration_s": POSE_S,
         }
-        steps: list[Step] = [Change(set_up, prompt_of(set_up)), Find(told.force)]
+        steps: list[Step] = [Change(set_up, prompt_of(set_up)), Find(settings.force)]
         steps.append(Record(1, count, "contact", "flexion", motion, 0.0, {FORCE_MODEL: POSE}))
-        ask = self._ask_first if told.asks else None
+        ask = self._ask_first if settings.asks else None
         steps.append(WorkOut("working out the first torque", self._take_pose, ask))
         steps.append(self._record(2, count, PRACTICE, self._first))
         steps.append(WorkOut("learning from the first run", self._learn_first))
@@ -228,7 +229,7 @@ class ForceTrial:
             steps.append(self._record(place, count, f"{PRACTICE} {name}", self._planned(name)))
             steps.append(WorkOut(f"learning from the run of the {name} model", learn(name)))
         for place, name in enumerate(self.order, start=3 + len(practice)):
-            steps += [Rest(told.rest_s), self._record(place, count, name, self._fed(name))]
+            steps += [Rest(settings.rest_s), self._record(place, count, name, self._fed(name))]
         return tuple(steps)
 
     def _record(
@@ -259,13 +260,13 @@ class ForceTrial:
             plans[FOUND] = needed_torque(self.wanted, self.model.extended, self._pose, self.rig, self._where)
         if self.show is not None:
             self.show(plans)
-        told = [
+        spans = [
             f"{name} {1e3 * plan.torque.min():.0f} to {1e3 * plan.torque.max():.0f} mN m"
             for name, plan in plans.items()
         ]
         most = 1e3 * plans[NOMINAL].torque_limit
         return (
-            f"Look at the torque to come: {', '.join(told)}; the rig allows {most:.0f} mN m. Done sends it; "
+            f"Look at the torque to come: {', '.join(spans)}; the rig allows {most:.0f} mN m. Done sends it; "
             "later runs are learned from those before, within the same limits."
         )
 
@@ -284,9 +285,9 @@ class ForceTrial:
         def learn(run: Run) -> None:
             self._look_at(run)
             self._doubt(name, run)
-            told = predicted_mean(self._variant(name), self._plans[name], run, self.rig, self._where)
+            predicted = predicted_mean(self._variant(name), self._plans[name], run, self.rig, self._where)
             pressed = float(force_error(run, self.wanted).measured.mean())
-            self._trims[name] = self._bound(told - pressed)
+            self._trims[name] = self._bound(predicted - pressed)
             self._motions[name] = run
             self._plans[name] = self._learn(name, run)
             self._judge(name, self._plans[name], run)
@@ -326,11 +327,11 @@ class ForceTrial:
         assert self._pose is not None
         variant, trim = self._variant(name), self._trims.get(name, 0.0)
         for share in TRIM_SHARES if trim else (0.0,):
-            told = share * trim
-            plan = learned_plan(variant, self.wanted, run, self._pose, self.rig, self._where, told)
+            applied = share * trim
+            plan = learned_plan(variant, self.wanted, run, self._pose, self.rig, self._where, applied)
             if not plan.beyond:
                 break
-        self._trims[name] = told
+        self._trims[name] = applied
         return self._kept(plan)
 
     def _variant(self, name: str) -> Variant:
@@ -385,10 +386,10 @@ class ForceTrial:
     # what is sent
 
     def _first(self) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
-        return self._bounded(self._plans[PRACTICE]), self._told()
+        return self._bounded(self._plans[PRACTICE]), self._force_attributes()
 
     def _planned(self, name: str) -> Callable[[], tuple[Mapping[str, Any], Mapping[str, Any]]]:
-        return lambda: (self._bounded(self._plans[name]), self._told())
+        return lambda: (self._bounded(self._plans[name]), self._force_attributes())
 
     def _fed(self, name: str) -> Callable[[], tuple[Mapping[str, Any], Mapping[str, Any]]]:
         def fed() -> tuple[Mapping[str, Any], Mapping[str, Any]]:
@@ -399,7 +400,7 @@ class ForceTrial:
                 "trim_n": self._trims.get(name, 0.0),
                 FOUND_SHARE: self._share if name == FOUND else 0.0,
             }
-            return self._bounded(self._plans[name]), {**self._told(), **about}
+            return self._bounded(self._plans[name]), {**self._force_attributes(), **about}
 
         return fed
 
@@ -407,7 +408,7 @@ class ForceTrial:
         force = min(HARDER * float(self.wanted.force.max()) + HARDER_N, self.rig.limits.force)
         return {**plan.trajectory(), MOST_FORCE: force, MOST_POSITION: self._most_deg}
 
-    def _told(self) -> dict[str, Any]:
+    def _force_attributes(self) -> dict[str, Any]:
         """The wanted force with each run, 50 points a second: the file needs no other beside it."""
         step = 5
         points = [round(float(force), 4) for force in self.wanted.force[::step]]

@@ -54,13 +54,13 @@ def read_order(line: str, where: str = "the line") -> Order | None:
     line = line.strip()
     if not line or line.startswith("#"):
         return None
-    told = _LINE.fullmatch(line)
-    if told is None or told[3] not in VERBS:
+    matched = _LINE.fullmatch(line)
+    if matched is None or matched[3] not in VERBS:
         raise UserError(
             f"{where} is {line!r}; it should be one of {', '.join(VERBS)}, with a moment before it where one "
             "is meant, such as '@2:1.5 mark here'."
         )
-    run, at, verb, text = told.groups()
+    run, at, verb, text = matched.groups()
     if text and verb != "mark":
         raise UserError(f"{where} is {line!r}; only 'mark' takes words behind it.")
     return Order(verb, text or "", None if run is None else int(run), None if at is None else float(at))
@@ -155,17 +155,17 @@ class Script:
             self._refuse(order, str(error))
 
     def _do(self, order: Order, driver: ProtocolDriver) -> None:
-        bench, told = driver.bench, {"run": driver.number}
+        bench, details = driver.bench, {"run": driver.number}
         if order.verb == "mark":
             run, note = driver.run, order.text.strip() or "marker"
             if run is None or not driver.recording:
                 raise UserError("Nothing is being recorded; a marker belongs to a run.")
             at = driver.newest if order.at_s is None else _moment(order, run)
             bench.recorder.mark(note, at)
-            self._tell("marked", {**told, "note": note, "time_s": (at - run.start) / run.sample_rate_hz})
+            self._tell("marked", {**details, "note": note, "time_s": (at - run.start) / run.sample_rate_hz})
         elif order.verb in ("pause", "resume"):
             bench.recorder.pause(order.verb == "pause")
-            self._tell("paused" if order.verb == "pause" else "resumed", told)
+            self._tell("paused" if order.verb == "pause" else "resumed", details)
         elif order.verb == "ready":
             if not self.asking:
                 raise UserError("Nothing was asked for.")
@@ -173,11 +173,11 @@ class Script:
         elif order.verb == "end":
             driver.end()
             self.answered = True
-            self._tell("ending", told)
+            self._tell("ending", details)
         else:
             self.stopped = True
             bench.stop()
-            self._tell("stopping", told)
+            self._tell("stopping", details)
 
     def _refuse(self, order: Order, sentence: str) -> None:
         self._tell("refused", {"order": f"{order.verb} {order.text}".strip(), "sentence": sentence})

@@ -141,10 +141,10 @@ class Tasks:
         if self.lines is None:
             return NO_LINES
         self._lines_reader.read_one_sample_one_line(self._levels, LINES_TIMEOUT)
-        told = [math.nan, math.nan]
+        states = [math.nan, math.nan]
         for (k, line), level in zip(self._inputs, self._levels.tolist(), strict=True):
-            told[k] = float(level is line.active_high)
-        return told[0], told[1]
+            states[k] = float(level is line.active_high)
+        return states[0], states[1]
 
     def _make(self, connection: Connection, purpose: str, add: Callable[[Any], None]) -> Any:
         task = connection.task(purpose)

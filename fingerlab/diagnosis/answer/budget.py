@@ -69,7 +69,7 @@ def error_budget(
     for name, error in errors.items():
         whole, after = levels[0][name], levels[-1][name]
         ends = np.minimum.accumulate([after, seen[name], alike[name], floors[name]])
-        told, between, unknown = ends[:-1] - ends[1:]
+        uncertain, between, unknown = ends[:-1] - ends[1:]
         sensors, by_sensor, by_bench = spreads[name]
         parts = []
         for k, step in enumerate(steps[1:]):
@@ -78,8 +78,8 @@ def error_budget(
             parts.append(BudgetPart("effect", fall, step.added or "", step.removed or "", low, high, average))
         parts += [
             BudgetPart("unknown", unknown),
-            BudgetPart("parameters", (1.0 - sensors) * told, parameter=by_bench),
-            BudgetPart("calibration", sensors * told, parameter=by_sensor),
+            BudgetPart("parameters", (1.0 - sensors) * uncertain, parameter=by_bench),
+            BudgetPart("calibration", sensors * uncertain, parameter=by_sensor),
             BudgetPart("between_runs", between),
             BudgetPart("floor", float(ends[-1])),
         ]
@@ -143,8 +143,8 @@ def _spreads(scorer: Scorer, fitted: FittedModel) -> dict[str, tuple[float, str,
     for group in reduced.groups:
         jacobian = model.coefficients(values, group)[1]
         products = group.whole.of(model.pick)
-        for name, (told, _) in squares_by_family(reduced, fitted, group).items():
-            bend = jacobian.T @ (products * told[np.ix_(model.rows, model.rows)]) @ jacobian
+        for name, (weights, _) in squares_by_family(reduced, fitted, group).items():
+            bend = jacobian.T @ (products * weights[np.ix_(model.rows, model.rows)]) @ jacobian
             bends[name] = bends.get(name, np.zeros_like(bend)) + bend
             counts[name] = counts.get(name, 0.0) + group.samples
     covariance = fitted.fit.covariance

@@ -102,7 +102,7 @@ class Display:
         """What ``base`` leaves over the coordinate of an effect, and what ``fitted`` tells of that; SI."""
         groups, scales = {g.key: g for g in reduced.groups}, reduced.layout.scales
         drawn = _fingerprint(effect, base, fitted, groups, self.stretches, reduced.on_bench, ({}, {}))
-        return drawn if drawn is None or scales == SI else _told_print(drawn, scales)
+        return drawn if drawn is None or scales == SI else _fingerprint_in_si(drawn, scales)
 
     def curves(self, reduced: Reduced, evidence: Evidence, offsets: OffsetsOf) -> Curves:
         """Comparisons of the model as given, and the fingerprint of every effect tried beside it.
@@ -134,8 +134,8 @@ class Display:
             comparisons, self.stretches, slack, bool(evidence.base.model.sticking), scales.time
         )
         if scales != SI:
-            comparisons = [_told_comparison(one, scales) for one in comparisons]
-            prints = {name: _told_print(one, scales) for name, one in prints.items()}
+            comparisons = [_comparison_in_si(one, scales) for one in comparisons]
+            prints = {name: _fingerprint_in_si(one, scales) for name, one in prints.items()}
         return Curves(tuple(comparisons), prints, failure)
 
 
@@ -153,7 +153,7 @@ def comparisons_of(
         if (kept.session, kept.run) == (session, run)
         for one in _comparisons(reduced, fitted, groups[kept.key], kept, offsets)
     ]
-    return tuple(found if scales == SI else (_told_comparison(one, scales) for one in found))
+    return tuple(found if scales == SI else (_comparison_in_si(one, scales) for one in found))
 
 
 CABLE = ROW_EQUATIONS[Row.CABLE]
@@ -195,7 +195,7 @@ def _where(chosen: BoolArray, time: Array, half: float) -> list[tuple[float, flo
     return [(time[a] - half, time[b - 1] + half) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
-def _told_comparison(one: Comparison, scales: Scales) -> Comparison:
+def _comparison_in_si(one: Comparison, scales: Scales) -> Comparison:
     """In SI, where the fit has reduced units."""
     size = scales.of(one.unit)
     places = {name: values * scales.of(_unit_of_place(name)) for name, values in one.coordinates.items()}
@@ -212,7 +212,7 @@ def _unit_of_place(name: str) -> str:
     return COORDINATE_UNITS[name.removesuffix(" mcp").removesuffix(" pip")]
 
 
-def _told_print(one: Fingerprint, scales: Scales) -> Fingerprint:
+def _fingerprint_in_si(one: Fingerprint, scales: Scales) -> Fingerprint:
     """In SI, where the fit has reduced units."""
     size = scales.of(one.value_unit)
     return replace(

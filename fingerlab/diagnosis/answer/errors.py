@@ -84,8 +84,8 @@ def _families(
 ) -> dict[str, tuple[float, float, float]]:
     """For each family: mean square of the residual, of the noise, and variance of what was measured."""
     result = {}
-    for family, (told, measured) in squares_by_family(reduced, fitted, group).items():
-        result[family] = (float((told * residual).sum()), float((told * noise).sum()), measured)
+    for family, (weights, measured) in squares_by_family(reduced, fitted, group).items():
+        result[family] = (float((weights * residual).sum()), float((weights * noise).sum()), measured)
     return result
 
 
@@ -468,8 +468,10 @@ class ParametersAtHand:
             errors = equation_errors(scorer.reduced, scored)
             offsets = residual_offsets(scorer.run_offsets(fitted), self._runs)
         units = (self._size(u.parameter.unit) for u in self.model.unknowns)
-        told = {u.key: float(v) * unit for u, v, unit in zip(self.model.unknowns, values, units, strict=True)}
-        return WhatIf(told, scored.score, errors, scored, offsets)
+        values_si = {
+            u.key: float(v) * unit for u, v, unit in zip(self.model.unknowns, values, units, strict=True)
+        }
+        return WhatIf(values_si, scored.score, errors, scored, offsets)
 
     def comparisons(self, found: WhatIf, session: str, run: str) -> tuple[Comparison, ...]:
         """Measured and modelled of one run: every equation of every stretch, without what is left aside."""

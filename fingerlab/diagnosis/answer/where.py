@@ -403,13 +403,13 @@ def full_rate(comparison: Comparison, run: Run) -> tuple[Array, Array] | None:
         inertial = np.zeros(len(comparison.time))
     near = np.interp(comparison.time, time, smooth)
     known = np.isfinite(comparison.measured) & np.isfinite(inertial) & np.isfinite(near)
-    told = comparison.measured[known]
-    if len(told) < LEAST_FOR_SPECTRUM or not np.std(told) > 0:
+    measured = comparison.measured[known]
+    if len(measured) < LEAST_FOR_SPECTRUM or not np.std(measured) > 0:
         return None
     sides = np.stack((near[known], inertial[known]), axis=1)
-    (factor, inertia), *_ = np.linalg.lstsq(sides, told, rcond=None)
-    missed = told - sides @ (factor, inertia)
-    if float(np.var(missed)) > (1.0 - CLOSE_ENOUGH) * float(np.var(told)):
+    (factor, inertia), *_ = np.linalg.lstsq(sides, measured, rcond=None)
+    missed = measured - sides @ (factor, inertia)
+    if float(np.var(missed)) > (1.0 - CLOSE_ENOUGH) * float(np.var(measured)):
         return None
     slow = np.interp(time, comparison.time[known], inertia * inertial[known])
     return time, np.asarray(factor * raw + slow)

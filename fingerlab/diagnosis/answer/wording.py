@@ -92,12 +92,12 @@ def _moved(reduction: Reduction, offsets: Sequence[Offsets], rig: Rig) -> list[B
     """
     numbers = [n for one in offsets for n in one.numbers]
     by_all = reduction.constants is not None and reduction.constants.by_averages
-    told_alike = {
+    motion_of = {
         n: (k if by_all else reduction.motions[n]) for k, one in enumerate(offsets) for n in one.numbers
     }
     repeats = [
-        [k for k, n in enumerate(numbers) if told_alike[n] == motion]
-        for motion in sorted({m for m in told_alike.values() if m is not None})
+        [k for k, n in enumerate(numbers) if motion_of[n] == motion]
+        for motion in sorted({m for m in motion_of.values() if m is not None})
     ]
     repeats = [mine for mine in repeats if len(mine) > 1]
     if not repeats:
@@ -106,9 +106,9 @@ def _moved(reduction: Reduction, offsets: Sequence[Offsets], rig: Rig) -> list[B
     for source, channel in enumerate(SOURCES):
         unit = "N m" if channel == "motor_torque" else "rad"
         scale = reduction.scales.of(unit)
-        told = scale * np.concatenate([one.sources[:, source] for one in offsets])
+        zeros = scale * np.concatenate([one.sources[:, source] for one in offsets])
         unsure = scale * np.concatenate([one.spreads[:, source] for one in offsets])
-        away = np.concatenate([told[mine] - told[mine].mean() for mine in repeats])
+        away = np.concatenate([zeros[mine] - zeros[mine].mean() for mine in repeats])
         every = [k for mine in repeats for k in mine]
         spread = float(np.sqrt(np.sum(away**2) / (len(away) - len(repeats))))
         if not spread > REPORTED_OFFSET * float(np.sqrt(np.mean(unsure[every] ** 2))):
@@ -243,17 +243,21 @@ def parameters(fitted: FittedModel, effect: Effect, temperature: float) -> dict[
         gain, value = gains[key], float(values[key])
         low = max(gain.low, value - Z90 * spread[key])
         high = min(gain.high, value + Z90 * spread[key])
-        result[name] = _told(fitted, gain.unit, value, low, high)
+        result[name] = _estimate_in_si(fitted, gain.unit, value, low, high)
     choice = next(c for c in fitted.choices if c.effect is effect)
     for name, unit in effect.shape_units.items():
         grid = sorted({float(s[name]) for s in effect.shapes})
         value = float(effect.shapes[choice.shape][name])
         at = grid.index(value)
-        result[name] = _told(fitted, unit, value, grid[max(at - 1, 0)], grid[min(at + 1, len(grid) - 1)])
+        result[name] = _estimate_in_si(
+            fitted, unit, value, grid[max(at - 1, 0)], grid[min(at + 1, len(grid) - 1)]
+        )
     return result
 
 
-def _told(fitted: FittedModel, unit: str, value: float, low: float, high: float) -> ParameterEstimate:
+def _estimate_in_si(
+    fitted: FittedModel, unit: str, value: float, low: float, high: float
+) -> ParameterEstimate:
     """A number of a model, which is in reduced units, in SI."""
     size = fitted.model.layout.scales.of(unit)
     return ParameterEstimate(value * size, unit, low * size, high * size)
@@ -263,7 +267,7 @@ def every_parameter(fitted: FittedModel, temperature: float) -> dict[str, Parame
     """All unknowns of the model by key, SI, with 90 % intervals that no bound cuts."""
     spread = deviations(fitted, temperature)
     return {
-        u.key: _told(
+        u.key: _estimate_in_si(
             fitted, u.parameter.unit, float(v), float(v) - Z90 * spread[u.key], float(v) + Z90 * spread[u.key]
         )
         for u, v in zip(fitted.model.unknowns, fitted.fit.values, strict=True)
@@ -277,10 +281,10 @@ def would_have_shown(fitted: FittedModel, effect: Effect, least: float) -> str:
         least: multiple of its typical strength (see ``evidence.least_strength``).
     """
     names = {key: name for name, key in own_keys(fitted, effect).items()}
-    gains, told = {u.key: u.parameter for u in fitted.model.unknowns}, fitted.model.layout.scales.of
+    gains, size_of = {u.key: u.parameter for u in fitted.model.unknowns}, fitted.model.layout.scales.of
     title = partial(parameter_title, effect)
     said = [
-        f"{title(names[key])} {_amount(least * strength * told(gains[key].unit), gains[key].unit)}"
+        f"{title(names[key])} {_amount(least * strength * size_of(gains[key].unit), gains[key].unit)}"
         for key, strength in fitted.sensitivity.strengths.items()
         if least * strength <= MOST_NAMED * max(abs(gains[key].high), abs(gains[key].low))
     ]

@@ -159,7 +159,7 @@ def draft_laws(
         found = draft(reduction, models, candidates, watch)
         seen = [_seen_and_drafted(reduction, law) if with_curves else None for law in found.laws]
     each = zip(found.laws, seen, strict=True)
-    return tuple(replace(_told(found, law), fingerprint=curve) for law, curve in each)
+    return tuple(replace(_draft_law(found, law), fingerprint=curve) for law, curve in each)
 
 
 def nothing_drafted(last: FittedModel | None) -> str:
@@ -183,7 +183,7 @@ def _seen_and_drafted(reduction: Reduction, law: Law) -> Fingerprint | None:
     return display.fingerprint_between(reduced, first, law.base, law.fitted)
 
 
-def _told(found: Draft, law: Law) -> DraftLaw:
+def _draft_law(found: Draft, law: Law) -> DraftLaw:
     terms = tuple(_term(law, term) for term in law.terms)
     return DraftLaw(
         terms=terms,

@@ -162,11 +162,11 @@ def ratio(over: Powers, under: Powers) -> str:
     for name, power in under.items():
         powers[name] = powers.get(name, 0) - power
 
-    def told(names: Iterable[tuple[str, int]]) -> str:
+    def product_text(names: Iterable[tuple[str, int]]) -> str:
         return " ".join(name if power == 1 else f"{name}^{power}" for name, power in names)
 
-    top = told((n, p) for n, p in powers.items() if p > 0)
-    bottom = told((n, -p) for n, p in powers.items() if p < 0)
+    top = product_text((n, p) for n, p in powers.items() if p > 0)
+    bottom = product_text((n, -p) for n, p in powers.items() if p < 0)
     return f"{top or '1'}/{bottom}" if bottom else top or "1"
 
 

@@ -182,11 +182,11 @@ def _changed_menu(
     for run in (run for session in sessions for run in session.runs if run.cable_sign):
         change = reduced_change(run) or UNCHANGED
         changes |= {change} - {UNCHANGED}
-        told = run.trajectory.get("amplitude_deg")
-        if change != UNCHANGED or run.phase == "contact" or not isinstance(told, int | float):
+        amplitude = run.trajectory.get("amplitude_deg")
+        if change != UNCHANGED or run.phase == "contact" or not isinstance(amplitude, int | float):
             continue
         known = widest.setdefault(run.cable_sign, run)
-        if told > float(known.trajectory["amplitude_deg"]):
+        if amplitude > float(known.trajectory["amplitude_deg"]):
             widest[run.cable_sign] = run
     number = min(len(changes) + 1, MOST_CHANGES)
     for sign, run in widest.items():
@@ -206,8 +206,8 @@ def _changed_menu(
 
 def _rounded(change: Intervention, scales: Scales) -> Intervention:
     """The change with numbers that a person would choose, two digits in SI."""
-    told = {name: float(f"{value:.2g}") for name, value in scaled_change(change, scales).to_json().items()}
-    return scaled_change(Intervention(**told), scales, -1)
+    rounded = {name: float(f"{value:.2g}") for name, value in scaled_change(change, scales).to_json().items()}
+    return scaled_change(Intervention(**rounded), scales, -1)
 
 
 def bench_menu(rig: Rig, loads: Sequence[float]) -> Iterator[Proposal]:
@@ -289,16 +289,16 @@ def seen_press(sessions: Sequence[Session]) -> Press | None:
     """How the finger pressed in the first contact run that moved; None where there is none."""
     for session in sessions:
         for run in session.runs:
-            told = run.trajectory.get("amplitude_deg")
-            if run.phase != "contact" or not isinstance(told, int | float) or told <= 0:
+            amplitude = run.trajectory.get("amplitude_deg")
+            if run.phase != "contact" or not isinstance(amplitude, int | float) or amplitude <= 0:
                 continue
-            press = _press(next(iter(segments_of(run, session.rig))), float(told))
+            press = _press(next(iter(segments_of(run, session.rig))), float(amplitude))
             if press is not None:
                 return press
     return None
 
 
-def _press(motion: Motion, told: float) -> Press | None:
+def _press(motion: Motion, commanded_deg: float) -> Press | None:
     joints, force, inertia = motion.joints, motion.force, motion.motor.inertia or 0.0
     if joints is None or force is None:
         return None
@@ -311,7 +311,7 @@ def _press(motion: Motion, told: float) -> Press | None:
     if square <= 0:
         return None
     reach = float(np.sqrt(2.0 * square / around.shape[1]))  # of the sine that moves as much
-    return Press(told, reach / np.radians(told), mean, around[1:] @ around[0] / square)
+    return Press(commanded_deg, reach / np.radians(commanded_deg), mean, around[1:] @ around[0] / square)
 
 
 def pressing_motion(

@@ -145,13 +145,13 @@ def reveal(
 
 
 def _next(scorer: Scorer, view: Among | Hidden, proposal: Proposal, found: Judged) -> NextRun:
-    told = proposal.to_json(list(found.separates), found.expected, scorer.reduced.layout.scales)
-    told |= {
+    as_json = proposal.to_json(list(found.separates), found.expected, scorer.reduced.layout.scales)
+    as_json |= {
         "expected_if": dict(found.each),
         "chance_alone": min(found.alone, 1.0),
         "foretelling": foretelling().version,
     }
-    return NextRun(told, Predicted(view.verdict, found.gains, proposal.phase == "motor_bench"))
+    return NextRun(as_json, Predicted(view.verdict, found.gains, proposal.phase == "motor_bench"))
 
 
 def best_run(
@@ -195,12 +195,12 @@ class Among:
 
     def __init__(self, scorer: Scorer, evidence: Evidence, chosen: list[int], now: Outlook) -> None:
         self.scorer, self.evidence, self.chosen, self.outlook = scorer, evidence, chosen, now
-        told = now.probabilities()
-        likely = told[chosen[:TRUTHS]]
+        probabilities = now.probabilities()
+        likely = probabilities[chosen[:TRUTHS]]
         likely /= max(float(likely.sum()), LEAST_PROBABILITY)
         self.truths = dict(zip(chosen[:TRUTHS], likely.tolist(), strict=True))
-        self._told = np.log(np.maximum(told, LEAST_PROBABILITY))
-        standing = now.found_set(told)
+        self._log_probabilities = np.log(np.maximum(probabilities, LEAST_PROBABILITY))
+        standing = now.found_set(probabilities)
         self.standing = [i for i in chosen[1:] if i in standing]
         self.alone_now = sum(share for i, share in self.truths.items() if standing == [i])
 
@@ -220,9 +220,11 @@ class Among:
         line, alone, first = foretelling().line(run.kind.group.on_bench), 0.0, 0.0
         predicted = self.predicted(run)
         for true, gains in predicted.items():
-            told = self.outlook.probabilities(self.outlook.with_gains(true, self._corrected(line, gains)))
-            alone += self.truths[true] * (self.outlook.found_set(told) == [true])
-            first += self.truths[true] * (int(np.argmax(told)) == true)
+            probabilities = self.outlook.probabilities(
+                self.outlook.with_gains(true, self._corrected(line, gains))
+            )
+            alone += self.truths[true] * (self.outlook.found_set(probabilities) == [true])
+            first += self.truths[true] * (int(np.argmax(probabilities)) == true)
         least = predicted[self.chosen[0]]
         return _worth(run, alone, first, [float(least[i]) for i in self.chosen[1:]])
 
@@ -235,10 +237,12 @@ class Among:
         alone = first = 0.0
         moved = {}
         for true, gains in predicted.items():
-            told = [now.probabilities(now.with_gains(true, self._corrected(line, gains, e))) for e in away]
-            alone += self.truths[true] * float(np.mean([now.found_set(p) == [true] for p in told]))
-            first += self.truths[true] * float(np.mean([int(np.argmax(p)) == true for p in told]))
-            moved[true] = np.log(np.maximum(told, LEAST_PROBABILITY)) - self._told
+            probabilities = [
+                now.probabilities(now.with_gains(true, self._corrected(line, gains, e))) for e in away
+            ]
+            alone += self.truths[true] * float(np.mean([now.found_set(p) == [true] for p in probabilities]))
+            first += self.truths[true] * float(np.mean([int(np.argmax(p)) == true for p in probabilities]))
+            moved[true] = np.log(np.maximum(probabilities, LEAST_PROBABILITY)) - self._log_probabilities
         worst = min(self.standing or rivals[:1], key=lambda i: self._mean_gain(predicted, head, i))
         each = {}
         for true in moved:
@@ -250,11 +254,11 @@ class Among:
         return Judged(
             _worth(run, alone, first, [self._mean_gain(predicted, head, i) for i in rivals]), least,
             (self._id(head), self._id(worst)), float(shares @ [each[i] for i in pair] / shares.sum()), alone,
-            {self._id(t): self._told_gains(t, gains) for t, gains in predicted.items()},
+            {self._id(t): self._predicted_gains(t, gains) for t, gains in predicted.items()},
             {self._id(i): gain for i, gain in each.items()},
         )  # fmt: skip
 
-    def _told_gains(self, true: int, gains: Array) -> dict[str, float]:
+    def _predicted_gains(self, true: int, gains: Array) -> dict[str, float]:
         """Predicted gains on the other effects, by id."""
         return {self._id(i): float(gains[i]) for i in self.chosen if i != true}
 
@@ -284,9 +288,9 @@ class Hidden:
         """``able``: those of the ``hidden`` effects that any run could show."""
         self.scorer, self.evidence, self.able, self.hidden, self.outlook = scorer, evidence, able, hidden, now
         self.pairs = [_present_and_absent(scorer, evidence.base, evidence.candidates[i]) for i in able]
-        told = now.probabilities()
-        self._told = np.log(np.maximum(told, LEAST_PROBABILITY))
-        likely = told[able]
+        probabilities = now.probabilities()
+        self._log_probabilities = np.log(np.maximum(probabilities, LEAST_PROBABILITY))
+        likely = probabilities[able]
         self.shares = likely / max(float(likely.sum()), LEAST_PROBABILITY)
 
     def _detections(self, run: PredictedRun) -> list[float]:
@@ -321,11 +325,11 @@ class Hidden:
                 among = np.where(
                     predicted != 0.0, table.line(run.kind.group.on_bench).gain(predicted, e[:-1]), DECISIVE
                 )
-                told = now.probabilities(now.when_found(true, among))
-                change = np.log(np.maximum(told, LEAST_PROBABILITY)) - self._told
+                probabilities = now.probabilities(now.when_found(true, among))
+                change = np.log(np.maximum(probabilities, LEAST_PROBABILITY)) - self._log_probabilities
                 moved.append(float(change[true] - change[count]))
-                alone += self.shares[k] / len(away) * (now.found_set(told) == [true])
-                first += self.shares[k] / len(away) * (int(np.argmax(told)) == true)
+                alone += self.shares[k] / len(away) * (now.found_set(probabilities) == [true])
+                first += self.shares[k] / len(away) * (int(np.argmax(probabilities)) == true)
             name = self._id(true)
             gains[name] = {self._id(i): float(predicted[i]) for i in self.able if i != true}
             gains[name][HIDDEN] = found[k]
@@ -407,8 +411,8 @@ def _gain(scorer: Scorer, run: PredictedRun, evidence: Evidence, true: int, othe
         _after(truth, run, left[1], usual + found.left * evidence.temperature),
     ]
     gain = log_odds_of_misfits(np.array(after)) - log_odds_of_misfits(np.array(left))
-    told = float(gain[0] - gain[1]) + _paired_gain(scorer, run, truth, rival)
-    return told + (0.5 * found.zero + _constants(scorer, truth, rival) if alone else 0.0)
+    total_gain = float(gain[0] - gain[1]) + _paired_gain(scorer, run, truth, rival)
+    return total_gain + (0.5 * found.zero + _constants(scorer, truth, rival) if alone else 0.0)
 
 
 def _paired_gain(scorer: Scorer, run: PredictedRun, truth: FittedModel, rival: FittedModel) -> float:

@@ -145,13 +145,13 @@ class Contrast:
 def _contrast(kind: RunKind, truth: FittedModel, rival: FittedModel, temperature: float) -> Contrast:
     right, wrong = kind.model(truth), kind.model(rival)
     values = values_in(wrong, rival)
-    told, slopes = wrong.coefficients(values, kind.group)
-    wander = own_to_a_run(wrong, values, told, kind.group)
+    coefficients, slopes = wrong.coefficients(values, kind.group)
+    wander = own_to_a_run(wrong, values, coefficients, kind.group)
     slopes = np.concatenate((slopes, wander), axis=1)
     every = np.union1d(right.active, wrong.active)
     gap, reach = np.zeros(len(every)), np.zeros((len(every), slopes.shape[1]))
     gap[np.searchsorted(every, right.active)] = right.features(values_in(right, truth), kind.group)
-    gap[np.searchsorted(every, wrong.active)] -= told
+    gap[np.searchsorted(every, wrong.active)] -= coefficients
     reach[np.searchsorted(every, wrong.active)] = slopes
     old, size = len(wrong.unknowns), slopes.shape[1]
     known = np.zeros((size, size))
@@ -345,12 +345,12 @@ class Outlook:
         """Of every answer, (answers,); ``odds``: None for those as they are."""
         return self.table.map.probabilities(odds or self.odds, self.left, self.widening)
 
-    def found_set(self, told: Array) -> list[int]:
-        """Indices of the effects in the set where one is found, by the ``told`` probabilities (answers,)."""
+    def found_set(self, probabilities: Array) -> list[int]:
+        """Indices of the effects in the set where one is found, by the ``probabilities`` (answers,)."""
         count = len(self.odds.effects)
-        kept = np.flatnonzero(answer_distances(told) <= self._limits)
+        kept = np.flatnonzero(answer_distances(probabilities) <= self._limits)
         effects = [int(i) for i in kept if i < count]
-        return effects or [int(np.argmax(told[:count]))]
+        return effects or [int(np.argmax(probabilities[:count]))]
 
     def with_gains(self, true: int, gains: Array) -> Odds:
         """The odds of a found effect when the true one has gained so much on each other, (effects,)."""

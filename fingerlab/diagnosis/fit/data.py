@@ -266,19 +266,19 @@ class Data:
         return grip, [self.constants.pull(key, totals, pick, weights) for pick in picks]
 
     def offsets(
-        self, i: int, part: FoldNumbers | None, model: Model, told: Array, weights: EquationWeights
+        self, i: int, part: FoldNumbers | None, model: Model, coefficients: Array, weights: EquationWeights
     ) -> Offsets | None:
         """The constants of the runs of group ``i`` beside the residuals that a model leaves; None: none.
 
         Args:
-            told: coefficients of the model's active features, (k,).
+            coefficients: of the model's active features, (k,).
         """
         found = self.by_constants(i, part, weights, [model.pick])
         if self.constants is None or found is None:
             return None
         grip, (pull,) = found
         spreads = self.constants.spreads
-        sources = spreads * np.einsum("rst,rkt,k->rs", grip, pull, told)
+        sources = spreads * np.einsum("rst,rkt,k->rs", grip, pull, coefficients)
         deviations = spreads * np.sqrt(np.einsum("rss->rs", grip))
         rows = sources @ self.constants.shares[self.groups[i].key].T
         return Offsets(tuple(t.number for t in self.totals(i, part)), sources, deviations, rows)
@@ -308,12 +308,12 @@ class Data:
             self._at_rest[i] = known
         return known[1]
 
-    def held(self, i: int, model: Model, told: Array, weights: Array) -> tuple[Array, float] | None:
+    def held(self, i: int, model: Model, coefficients: Array, weights: Array) -> tuple[Array, float] | None:
         """What friction that sticks does to group ``i`` where the motor stands; None: nothing.
 
         The change of the weights, (5, 5), beside the encoder's, and by how much the logarithm of the density
         falls at all those moments together because the residual may lie further out. What a standstill holds
-        is one unknown force, however long it is looked at. ``told`` are the features' coefficients, (k,).
+        is one unknown force, however long it is looked at. ``coefficients`` are the features', (k,).
         """
         group = self.groups[i]
         if group.whole.rest is None or not model.sticking:
@@ -323,7 +323,7 @@ class Data:
         own = np.zeros((5, 5))
         for mine in map(np.flatnonzero, model.sticking):
             share = np.zeros((len(mine), 5))
-            share[np.arange(len(mine)), model.rows[mine]] = told[mine]
+            share[np.arange(len(mine)), model.rows[mine]] = coefficients[mine]
             own += share.T @ products[mine[:, None], mine] @ share
         own *= HELD_SHARE / max(group.samples, 1.0)
         change = change_of_weight(weights, spread + own) - self.standing(i, weights)
@@ -364,19 +364,19 @@ def tells_set_down(group: Group, condition: int) -> bool:
     return group.in_contact and len(group.of_condition(condition)) >= LEAST_REPEATS
 
 
-def own_to_a_run(model: Model, values: Array, told: Array, group: Group, condition: int = 0) -> Array:
+def own_to_a_run(model: Model, values: Array, coefficients: Array, group: Group, condition: int = 0) -> Array:
     """What one standard deviation of all that a run has of its own adds to the features, (k, parts).
 
     Args:
         values: of the model's unknowns, (p,).
-        told: the features' coefficients at these values, (k,).
+        coefficients: of the features at these values, (k,).
         group, condition: to which the run belongs.
     """
-    parts = [np.where(mine, WANDER * told, 0.0) for mine in model.wandering]
+    parts = [np.where(mine, WANDER * coefficients, 0.0) for mine in model.wandering]
     place = model.index.get(SET_DOWN)
     if place is not None and tells_set_down(group, condition):
         once = values.copy()
         once[place] = SET_DOWN_N  # the column is linear in it
         parts.append(np.where(model.set_down, model.features(once, group), 0.0))
     parts = [part for part in parts if part.any()]
-    return np.stack(parts, axis=1) if parts else np.zeros((len(told), 0))
+    return np.stack(parts, axis=1) if parts else np.zeros((len(coefficients), 0))

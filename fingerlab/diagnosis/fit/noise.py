@@ -200,14 +200,14 @@ def row_covariance(
     return products_of_rows(model, h, products) / max(samples, 1.0)
 
 
-def products_of_rows(model: Model, told: Array, products: Array) -> Array:
+def products_of_rows(model: Model, coefficients: Array, products: Array) -> Array:
     """Products of the equations' residuals, (5, 5).
 
     Args:
-        told: coefficients of the model's active features, (k,). products: of these features, (k, k).
+        coefficients: of the model's active features, (k,). products: of these features, (k, k).
     """
-    spread = np.zeros((len(told), len(Row)))
-    spread[np.arange(len(told)), model.rows] = told
+    spread = np.zeros((len(coefficients), len(Row)))
+    spread[np.arange(len(coefficients)), model.rows] = coefficients
     return np.asarray(spread.T @ products @ spread)
 
 
@@ -234,10 +234,11 @@ def scatter_of_runs(model: Model, values: Array, group: Group, means: bool) -> A
     np.add.at(spread, (model.pick.signals, model.rows), h)
     noise = noise_covariance(model, values, group)
     for runs in group.repeated_cycles:
-        told = np.stack([spread[one.live].T @ one.harmonics for one in runs])  # (runs, equations, harmonics)
-        told = told if means else told[:, :, 1:]
-        apart = told - told.mean(axis=0)
-        expected = (len(runs) - 1) * told.shape[2] * noise
+        # (runs, equations, harmonics)
+        residuals = np.stack([spread[one.live].T @ one.harmonics for one in runs])
+        residuals = residuals if means else residuals[:, :, 1:]
+        apart = residuals - residuals.mean(axis=0)
+        expected = (len(runs) - 1) * residuals.shape[2] * noise
         found += (np.einsum("rik,rjk->ij", apart, apart) - expected) / runs[0].samples
         contrasts += len(runs) - 1
     if not contrasts:

@@ -91,11 +91,11 @@ def prior_penalty(
     result = len(losses) * np.log(variance / USUAL_LOSS_NM**2)
     result += sum((zero / spread) ** 2 for zero, spread in zeros)
     levers = free(ARMS) / radius
-    told = levers @ levers / variance + sum(1.0 / spread**2 for spread in spreads)
+    information = levers @ levers / variance + sum(1.0 / spread**2 for spread in spreads)
     for choice in model.choices:
         for name in choice.effect.offsets:
             # Friction opposes the motion in either direction, so that the difference stays within the mean.
             mean = values[model.index[f"{choice.effect.id}.{choice.effect.excess[name]}"]]
             width = max(2.0 * float(mean), 1e-12)
-            result += max(2.0 * np.log(width * np.sqrt(told / (2 * np.pi))), SIMPLER_FIRST)
+            result += max(2.0 * np.log(width * np.sqrt(information / (2 * np.pi))), SIMPLER_FIRST)
     return float(result)

@@ -100,23 +100,23 @@ class RandomEffects:
         mine, theirs = (one.transpose(1, 0, 2).reshape(size, -1) for one in (across @ self.inverse, across))
         return np.asarray(mine @ theirs.T)
 
-    def explained(self, told: Array) -> float:
+    def explained(self, coefficients: Array) -> float:
         """What of the misfit of all its runs they take up at these coefficients of the features, (k,)."""
-        wanted = self._wanted @ told
-        taken = float(np.sum(wanted * (told @ self.pulled).reshape(-1)))
-        return taken - self.misfit_at_bounds(told)
+        wanted = self._wanted @ coefficients
+        taken = float(np.sum(wanted * (coefficients @ self.pulled).reshape(-1)))
+        return taken - self.misfit_at_bounds(coefficients)
 
-    def misfit_at_bounds(self, told: Array) -> float:
+    def misfit_at_bounds(self, coefficients: Array) -> float:
         """What the bounds add to what all runs leave."""
-        found = self._stand(told)
+        found = self._stand(coefficients)
         if found is None:
             return 0.0
         far, short, _ = found
         return float(np.sum(short * _times(self.system[far], short)))
 
-    def beyond(self, told: Array) -> BoundTerms | None:
+    def beyond(self, coefficients: Array) -> BoundTerms | None:
         """The same as slope and curvature; None where no part would go further than its bound."""
-        found = self._stand(told)
+        found = self._stand(coefficients)
         if found is None:
             return None
         far, short, free = found
@@ -126,10 +126,10 @@ class RandomEffects:
         slope = (pulled @ short[:, :, None])[:, :, 0]
         return BoundTerms(self.folds[far], slope, curved, pulled, self.inverse[far] - moving)
 
-    def _stand(self, told: Array) -> tuple[IntArray, Array, BoolArray] | None:
+    def _stand(self, coefficients: Array) -> tuple[IntArray, Array, BoolArray] | None:
         """Of the runs with a part at its bound, their places, (n,); how far each part falls short of what it
         would be without bounds, and which parts are at none, (n, parts) each."""
-        wanted = (self._wanted @ told).reshape(len(self.folds), -1)
+        wanted = (self._wanted @ coefficients).reshape(len(self.folds), -1)
         far = np.flatnonzero(np.abs(wanted).max(axis=1) > self.bound)
         if not len(far):
             return None

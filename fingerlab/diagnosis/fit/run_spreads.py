@@ -96,7 +96,8 @@ def _contrasts(
 ) -> Contrasts:
     """Of a group's runs: orthonormal differences between those of each motion (Helmert's)."""
     h, own = model.features(values, group), EquationWeights.of(weights)
-    pulls, told, count = [np.zeros((0, len(SOURCES)))], [np.zeros((0, len(SOURCES), len(SOURCES)))], 0.0
+    pulls, count = [np.zeros((0, len(SOURCES)))], 0.0
+    information = [np.zeros((0, len(SOURCES), len(SOURCES)))]
     every = [t for fold in group.folds for t in fold.totals]
     for motion in sorted({m for t in every if (m := motions[t.number]) is not None}):
         totals = [t for t in every if motions[t.number] == motion]
@@ -109,9 +110,9 @@ def _contrasts(
         mean = (of_constants(totals, own) * each[:, None, None]).mean(axis=0)
         basis = _helmert(len(totals))
         pulls.append(basis @ (pull * each[:, None]))
-        told.append(np.repeat((share.T @ mean @ share)[None], len(basis), axis=0))
+        information.append(np.repeat((share.T @ mean @ share)[None], len(basis), axis=0))
         count += EFFECTIVE_SHARE * group.equations * float(lengths.sum())
-    return Contrasts(np.concatenate(pulls), np.concatenate(told), count)
+    return Contrasts(np.concatenate(pulls), np.concatenate(information), count)
 
 
 def _averages(model: Model, values: Array, group: Group, weights: Array, share: Array) -> Contrasts:
@@ -119,9 +120,9 @@ def _averages(model: Model, values: Array, group: Group, weights: Array, share: 
     h, own = model.features(values, group), EquationWeights.of(weights)
     totals = [t for fold in group.folds for t in fold.totals]
     pull = np.einsum("rke,k,es->rs", with_constants(totals, model.pick, own), -h, share)
-    told = share.T @ of_constants(totals, own) @ share
+    information = share.T @ of_constants(totals, own) @ share
     count = EFFECTIVE_SHARE * group.equations * float(sum(t.counts[0] for t in totals))
-    return Contrasts(pull, told, count)
+    return Contrasts(pull, information, count)
 
 
 def _helmert(count: int) -> Array:

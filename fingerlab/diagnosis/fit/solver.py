@@ -128,14 +128,16 @@ class Fitter:
             found.append(whole)
         return found
 
-    def _weighed(self, own: dict[int, list[RandomEffects]], told: Array) -> dict[int, list[RandomEffects]]:
+    def _weighed(
+        self, own: dict[int, list[RandomEffects]], coefficients: Array
+    ) -> dict[int, list[RandomEffects]]:
         """The runs' own parts, held the more firmly the more the model leaves all the same.
 
         What weighs less than its face value must not be bought with a friction of each run's own.
         """
         groups = self.data.groups
-        left = sum(float(h @ self.part(i, None).matrix @ h) for i, h in enumerate(told))
-        left -= sum(one.explained(told[i]) for i, each in own.items() for one in each)
+        left = sum(float(h @ self.part(i, None).matrix @ h) for i, h in enumerate(coefficients))
+        left -= sum(one.explained(coefficients[i]) for i, each in own.items() for one in each)
         temperature = temperature_of(left, EFFECTIVE_SHARE * sum(g.equations * g.samples for g in groups))
         bound = MOST_WANDER / np.sqrt(temperature)  # of the narrower distribution, too
         return {
@@ -168,9 +170,9 @@ class Fitter:
             return self.folds(i)[part[0]]
         if (i, part) not in self._parts:
             found = self._weighted(i, self.data.gathered(i, part, self.model))
-            told = self._by_constants(i)
-            if told is not None:
-                grip, pull = (one[self.data.runs_of(i, part)] for one in told)
+            constants = self._by_constants(i)
+            if constants is not None:
+                grip, pull = (one[self.data.runs_of(i, part)] for one in constants)
                 found = found.less(schur_complement(pull, grip, pull))
             self._parts[i, part] = found
         return self._parts[i, part]
@@ -183,10 +185,10 @@ class Fitter:
                 self._folds[i] = self.part(i, None)[None]
                 return self._folds[i]
             found = self._weighted(i, self.data.gathered_folds(i, self.model))
-            told = self._by_constants(i)
-            if told is not None:
+            constants = self._by_constants(i)
+            if constants is not None:
                 runs = [self.data.runs_of(i, (k,)) for k in range(count)]
-                found = found.less(taken_up_by_folds(*told, runs))
+                found = found.less(taken_up_by_folds(*constants, runs))
             self._folds[i] = found
         return self._folds[i]
 
@@ -207,8 +209,8 @@ class Fitter:
         if self.data.constants is None:
             return None
         if i not in self._constants:
-            told = self.data.by_constants(i, None, self.equation_weights(i), [self.model.pick])
-            self._constants[i] = None if told is None else (told[0], told[1][0])
+            constants = self.data.by_constants(i, None, self.equation_weights(i), [self.model.pick])
+            self._constants[i] = None if constants is None else (constants[0], constants[1][0])
         return self._constants[i]
 
     def _of_products(self, weights: Array) -> Array:
@@ -246,11 +248,11 @@ class Fitter:
         """
         if not (self.sticks or self.wanders):
             return
-        told = self.model.features_of(values, self._cables)
+        coefficients = self.model.features_of(values, self._cables)
         self._stacked = self._whole = None
         if self.sticks:
             found = [
-                self.data.held(i, self.model, told[i], self.weights[g.key])
+                self.data.held(i, self.model, coefficients[i], self.weights[g.key])
                 for i, g in enumerate(self.data.groups)
             ]
             self._held = [None if one is None else one[0] for one in found]
@@ -261,11 +263,13 @@ class Fitter:
             self._change = {i: one for i, one in self._change.items() if i not in resting}
             self._constants = {i: one for i, one in self._constants.items() if i not in resting}
         if self.wanders and apart:
-            self._own = self._random_effects(values, told, trusted)
+            self._own = self._random_effects(values, coefficients, trusted)
             if not trusted:
-                self._own = self._weighed(self._own, told)
+                self._own = self._weighed(self._own, coefficients)
 
-    def _random_effects(self, values: Array, told: Array, trusted: bool) -> dict[int, list[RandomEffects]]:
+    def _random_effects(
+        self, values: Array, coefficients: Array, trusted: bool
+    ) -> dict[int, list[RandomEffects]]:
         """What the runs have of their own, by group; no group is there without any.
 
         ``trusted``: however far it would go.
@@ -277,7 +281,7 @@ class Fitter:
             for condition in group.conditions:
                 alike.setdefault(tells_set_down(group, condition), []).append(condition)
             for conditions in alike.values():
-                parts = own_to_a_run(self.model, values, told[i], group, conditions[0])
+                parts = own_to_a_run(self.model, values, coefficients[i], group, conditions[0])
                 folds = np.array(sorted(k for c in conditions for k in group.of_condition(c)))
                 if parts.shape[1] and len(folds):
                     curved, pulled = self._across(i, parts, folds)
@@ -309,11 +313,11 @@ class Fitter:
         result = float(np.sum((values - self._mean) ** 2 * self._stiffness))
         if self.model.tie is not None:
             result += self.model.tie.cost(values)
-        told = self.model.features_of(values, self._cables)
-        for h, matrix in zip(told, self.stacked().matrix, strict=True):
+        coefficients = self.model.features_of(values, self._cables)
+        for h, matrix in zip(coefficients, self.stacked().matrix, strict=True):
             result += float(h @ matrix @ h)
         for i, each in self._own.items():
-            result += sum(one.misfit_at_bounds(told[i]) for one in each)
+            result += sum(one.misfit_at_bounds(coefficients[i]) for one in each)
         return result
 
     def _prior_weight(self) -> Array:
@@ -457,10 +461,10 @@ class Fitter:
             bend = bend + along.matrix.sum(axis=0)
         return gradient, information, bend
 
-    def _beyond(self, told: Array) -> Iterator[tuple[int, BoundTerms]]:
+    def _beyond(self, coefficients: Array) -> Iterator[tuple[int, BoundTerms]]:
         """What the bounds of the runs' own parts add, with the number of their group."""
         for i, each in self._own.items():
             for one in each:
-                found = one.beyond(told[i])
+                found = one.beyond(coefficients[i])
                 if found is not None:
                     yield i, found

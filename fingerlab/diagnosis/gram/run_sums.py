@@ -165,9 +165,9 @@ def run_sums(
             noise = part.products - cyclic @ cyclic.T
             result.add(Part(low.live + asked.start, part, totals, noise, len(low.time) - cyclic.shape[1]))
             result.trends.append((low.live + asked.start, trend))
-            told = commanded_frequency(run)
-            if told is not None:
-                stretch = told, float(low.time[0]), float(low.time[-1]), len(low.time)
+            frequency = commanded_frequency(run)
+            if frequency is not None:
+                stretch = frequency, float(low.time[0]), float(low.time[-1]), len(low.time)
                 result.cycles.append(Cycle(stretch, low.live + asked.start, cyclic))
         result.encoder_variance = (motion.radius * motion.position_step) ** 2 / 12.0
         of_a_step = motion.position_step**2 / 12.0

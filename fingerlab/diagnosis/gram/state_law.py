@@ -76,14 +76,14 @@ def _by_blocks(signals: Array) -> list[Array]:
     return [block @ block.T for block in np.array_split(signals, pieces, axis=1)]
 
 
-def left_out_covariance(runs: Sequence[Sequence[Array]], told: int = 1) -> Array | None:
-    """Mean products, (told, told), of what no law of the state tells of signals where it has not seen them.
+def left_out_covariance(runs: Sequence[Sequence[Array]], signal_count: int = 1) -> Array | None:
+    """Mean products of what no law of the state tells of signals where it has not seen them.
 
     Function after function is taken, while what was left out is told better by it; None: it is not known.
 
     Args:
         runs: products over blocks of each, the signals last; a single run is left out block by block.
-        told: number of the signals.
+        signal_count: number of the signals, on either side of the products.
     """
     parts = [sum(blocks[1:], blocks[0]) for blocks in runs if blocks]
     if len(parts) == 1:
@@ -94,12 +94,12 @@ def left_out_covariance(runs: Sequence[Sequence[Array]], told: int = 1) -> Array
     others = each.sum(axis=0) - each
     # A function is taken only if it is there in what every part is judged by.
     there = np.flatnonzero((np.diagonal(others, axis1=1, axis2=2) > 0.0).all(axis=0))
-    there = there[there < each.shape[1] - told]
+    there = there[there < each.shape[1] - signal_count]
     taken = [int(k) for k in there if k < BASIS]
-    found = _left_out(each, others, taken, told)
+    found = _left_out(each, others, taken, signal_count)
     rest = [int(k) for k in there if k >= BASIS]
     while rest:
-        tried = [_left_out(each, others, [*taken, k], told) for k in rest]
+        tried = [_left_out(each, others, [*taken, k], signal_count) for k in rest]
         sizes = [_log_size(one, found) for one in tried]
         best = int(np.argmin(sizes))
         if sizes[best] > np.log1p(-STATE_LEAST_GAIN):
@@ -118,17 +118,17 @@ def _log_size(covariance: Array, against: Array) -> float:
     return float(one - other)
 
 
-def _left_out(parts: Array, others: Array, taken: Sequence[int], told: int) -> Array:
+def _left_out(parts: Array, others: Array, taken: Sequence[int], signal_count: int) -> Array:
     """Mean products of what these functions leave of the signals in the parts, each told by the others."""
     size = parts.shape[1]
-    here, count = np.array([*taken, *range(size - told, size)]), len(taken)
+    here, count = np.array([*taken, *range(size - signal_count, size)]), len(taken)
     seen, left = others[:, here[:, None], here], parts[:, here[:, None], here]
     scale = 1.0 / np.sqrt(np.diagonal(seen, axis1=1, axis2=2))
     seen = seen * scale[:, :, None] * scale[:, None, :]
     matrix = seen[:, :count, :count] + STATE_RIDGE * np.eye(count)
     values = np.linalg.solve(matrix, seen[:, :count, count:])
     values = values * scale[:, :count, None] / scale[:, None, count:]
-    own = np.broadcast_to(np.eye(told), (len(parts), told, told))
+    own = np.broadcast_to(np.eye(signal_count), (len(parts), signal_count, signal_count))
     law = np.concatenate((-values, own), axis=1)
     squares = np.einsum("pia,pij,pjb->ab", law, left, law)
     return np.asarray(squares / max(float(parts[:, 0, 0].sum()), 1.0))

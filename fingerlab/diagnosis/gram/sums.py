@@ -124,8 +124,8 @@ class RunConstants:
     def grip(self, key: GroupKey, totals: Sequence[RunTotals], weights: EquationWeights) -> Array:
         """Posterior covariance of the sources in units of their standard deviations, (runs, 4, 4)."""
         share = self.scaled(key)
-        told = share.T @ of_constants(totals, weights) @ share
-        return np.asarray(np.linalg.inv(np.eye(len(SOURCES)) + told))
+        information = share.T @ of_constants(totals, weights) @ share
+        return np.asarray(np.linalg.inv(np.eye(len(SOURCES)) + information))
 
 
 @dataclass(frozen=True)
@@ -143,15 +143,17 @@ class Offsets:
     spreads: Array
     rows: Array
 
-    def taken_off(self, products: Array, model: Model, told: Array, totals: Sequence[RunTotals]) -> Array:
+    def taken_off(
+        self, products: Array, model: Model, coefficients: Array, totals: Sequence[RunTotals]
+    ) -> Array:
         """Sums of residual products, (5, 5), over these runs, with the constants taken off the residuals.
 
         Args:
-            told: coefficients of the model's active features, (k,).
+            coefficients: of the model's active features, (k,).
         """
         alike = EquationWeights.alike()
-        spread = np.zeros((len(Row), len(told)))
-        spread[model.rows, np.arange(len(told))] = told
+        spread = np.zeros((len(Row), len(coefficients)))
+        spread[model.rows, np.arange(len(coefficients))] = coefficients
         cross = (spread @ with_constants(totals, model.pick, alike)) * self.rows[:, None, :]
         square = of_constants(totals, alike) * self.rows[:, :, None] * self.rows[:, None, :]
         return np.asarray(products + (square - cross - cross.transpose(0, 2, 1)).sum(axis=0))

@@ -227,8 +227,8 @@ class CalibrationTable:
         same = self.kinds.get(kind, 0.0)
         if self.kinds and same < UNUSUAL:
             share = min(share, same)
-            told = kind.replace("_", " ") or "no"
-            words.insert(0, f"runs {told} alone")
+            phases = kind.replace("_", " ") or "no"
+            words.insert(0, f"runs {phases} alone")
         return share, tuple(words)
 
     def widening(self, features: Mapping[str, float], kind: str) -> tuple[float, float, tuple[str, ...]]:

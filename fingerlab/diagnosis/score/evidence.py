@@ -318,8 +318,8 @@ def given_the_others(evidence: Evidence, beside: Evidence) -> Evidence:
     Those others are in the models of ``beside``, and are none of the answers.
     """
     known = {t.last_effect.id: odds for t, odds in zip(beside.candidates, beside.log_odds, strict=True)}
-    told = [known.get(t.last_effect.id, IMPOSSIBLE) for t in evidence.candidates]
-    log_odds = np.array(told) - max(told)
+    log_odds_beside = [known.get(t.last_effect.id, IMPOSSIBLE) for t in evidence.candidates]
+    log_odds = np.array(log_odds_beside) - max(log_odds_beside)
     shares = float(evidence.probabilities.sum()) * shares_of(log_odds)
     return replace(evidence, probabilities=shares, log_odds=log_odds)
 

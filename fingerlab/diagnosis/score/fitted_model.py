@@ -297,13 +297,17 @@ def paired_misfit(fitted: FittedModel, pair: PairSums, group: Group) -> tuple[fl
     A friction that wanders between the two runs explains what it may.
     """
     model, values = fitted.model, fitted.fit.values
-    told, pick = model.features(values, group), model.pick
+    coefficients, pick = model.features(values, group), model.pick
     weights = feature_weights(fitted.weights[group.key], pick.rows) * EFFECTIVE_SHARE
-    square = float(told @ (pair.difference.of(pick, noise_of_a_sample(group, pick.square)) * weights) @ told)
-    own = own_to_a_run(model, values, told, group)
+    square = float(
+        coefficients
+        @ (pair.difference.of(pick, noise_of_a_sample(group, pick.square)) * weights)
+        @ coefficients
+    )
+    own = own_to_a_run(model, values, coefficients, group)
     if own.shape[1]:
         across, mean = (pick.among(products) * weights for products in (pair.across, pair.mean))
-        pull = told @ across @ own
+        pull = coefficients @ across @ own
         square -= float(pull @ np.linalg.solve(own.T @ mean @ own + np.eye(own.shape[1]), pull))
     return square, EFFECTIVE_SHARE * group.equations * pair.difference.samples
 

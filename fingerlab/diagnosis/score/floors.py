@@ -55,7 +55,7 @@ def scored_in_floors(
 
 def _share_of_state(group: Group, model: Model, values: Array) -> Array:
     """Mean square of what a law of the state leaves of each equation's residual, in that of it all, (5,)."""
-    told, size = model.features(values, group), group.whole.products.shape[0]
+    coefficients, size = model.features(values, group), group.whole.products.shape[0]
     runs, rows = group.state_products, sorted({int(row) for row in model.rows})
     if not runs:
         return np.ones(len(Row))
@@ -64,7 +64,7 @@ def _share_of_state(group: Group, model: Model, values: Array) -> Array:
     residual[:functions, :functions] = np.eye(functions)
     for place, row in enumerate(rows):
         mine = model.rows == row
-        np.add.at(residual[:, functions + place], functions + model.pick.signals[mine], told[mine])
+        np.add.at(residual[:, functions + place], functions + model.pick.signals[mine], coefficients[mine])
     of_rows = [[residual.T @ block @ residual for block in blocks] for blocks in runs]
     whole = np.diag(sum(sum(blocks) for blocks in of_rows))
     there = np.flatnonzero(whole[functions:] > 0.0)

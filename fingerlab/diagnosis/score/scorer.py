@@ -253,12 +253,14 @@ class Scorer:
         fitter = self._fitter(fitted)
         for turn in sorted({fold.turn for g in groups for fold in g.dealt}):
             left = fitter.without(fitted.fit.values, turn)
-            told = fitter.coefficients(left.values)
+            coefficients = fitter.coefficients(left.values)
             for i, group in enumerate(groups):
                 unseen = group.of_turn(turn)
                 for k, fold in enumerate(group.dealt):
                     if fold.turn == turn:
-                        one = self._square(fitter, left.values, told, i, k, left if k in unseen else None)
+                        one = self._square(
+                            fitter, left.values, coefficients, i, k, left if k in unseen else None
+                        )
                         scored.setdefault((i, fold.condition), []).append(one)
                         by_fold[group.key].misfits[k] = one[0]
                         if residuals:
@@ -345,9 +347,9 @@ class Scorer:
     def _in_sample_folds(self, fitter: Fitter, fitted: FittedModel) -> list[Array]:
         """The same of each fold of every group, (folds, 2) each."""
         values = fitted.fit.values
-        told = fitter.coefficients(values)
+        coefficients = fitter.coefficients(values)
         return [
-            np.array([self._square(fitter, values, told, i, k) for k in range(len(group.dealt))])
+            np.array([self._square(fitter, values, coefficients, i, k) for k in range(len(group.dealt))])
             for i, group in enumerate(self.reduced.groups)
         ]
 
@@ -365,7 +367,7 @@ class Scorer:
         self,
         fitter: Fitter,
         values: Array,
-        told: tuple[Array, Array],
+        coefficients: tuple[Array, Array],
         i: int,
         k: int,
         left: LeftOut | None = None,
@@ -373,11 +375,11 @@ class Scorer:
         """Reproducible chi-square of fold ``k`` of group ``i``, and the independent values behind it.
 
         Args:
-            told: the features' coefficients at the ``values`` and their derivatives, for every group.
+            coefficients: of the features at the ``values``, and their derivatives, for every group.
             left: what the other runs tell, where the fit has not seen this.
         """
         group, sums = self.reduced.groups[i], fitter.part(i, (k,))
-        h, jacobian = told[0][i], told[1][i]
+        h, jacobian = coefficients[0][i], coefficients[1][i]
         own = own_to_a_run(fitter.model, values, h, group, group.dealt[k].condition)
         square = float(h @ sums.matrix @ h)
         if left is None:
@@ -399,8 +401,8 @@ class Scorer:
         if self.data.constants is None:
             return None
         group, model = self.reduced.groups[i], fitter.model
-        told = model.features(values, group)
-        return self.data.offsets(i, part, model, told, fitter.equation_weights(i))
+        coefficients = model.features(values, group)
+        return self.data.offsets(i, part, model, coefficients, fitter.equation_weights(i))
 
     def residuals_in_sample(self, fitted: FittedModel, own: bool = False) -> FittedModel:
         """The model with the mean products of its residuals where it has seen every run.
@@ -409,11 +411,11 @@ class Scorer:
             own: take off what a run has of its own: a friction that wanders, how a tip was set down.
         """
         fitter, values = self._fitter(fitted), fitted.fit.values
-        told, found = fitter.coefficients(values)[0], {}
+        coefficients, found = fitter.coefficients(values)[0], {}
         for i, group in enumerate(self.reduced.groups):
             products = np.zeros((5, 5))
             for k, fold in enumerate(group.dealt):
-                h = told[i]
+                h = coefficients[i]
                 if own:
                     h = h + own_share(
                         own_to_a_run(fitter.model, values, h, group, fold.condition), h, fitter.part(i, (k,))
@@ -422,24 +424,28 @@ class Scorer:
             found[group.key] = products / max(group.samples, 1)
         return replace(fitted, residuals=found)
 
-    def _products(self, fitter: Fitter, values: Array, i: int, k: int, told: Array | None = None) -> Array:
+    def _products(
+        self, fitter: Fitter, values: Array, i: int, k: int, coefficients: Array | None = None
+    ) -> Array:
         """Sums of residual products over a fold, (5, 5); slack moments count where they are charged.
 
         Args:
-            told: coefficients of the model's features, (k,); None: those of the ``values``.
+            coefficients: of the model's features, (k,); None: those of the ``values``.
         """
         group, model = self.reduced.groups[i], fitter.model
         fold = group.folds[k]
         products, slack = fold.of(model.pick), fold.slack(model.pick)
         if slack is not None and not model.slack_free:
             products = products + slack
-        if told is None:
-            told = model.features(values, group)
-        found = products_of_rows(model, told, products)
+        if coefficients is None:
+            coefficients = model.features(values, group)
+        found = products_of_rows(model, coefficients, products)
         if self.data.constants is None:
             return found
-        offsets = self.data.offsets(i, (k,), model, told, fitter.equation_weights(i))
-        return found if offsets is None else offsets.taken_off(found, model, told, self.data.totals(i, (k,)))
+        offsets = self.data.offsets(i, (k,), model, coefficients, fitter.equation_weights(i))
+        if offsets is None:
+            return found
+        return offsets.taken_off(found, model, coefficients, self.data.totals(i, (k,)))
 
 
 def _model_key(law: str, choices: Sequence[Choice]) -> tuple[object, ...]:

@@ -117,9 +117,9 @@ def _promising(scorer: Scorer, fitted: FittedModel) -> list[FittedModel]:
     test = ScoreTest(scorer.data, fitted)
     points = {e.id: test.best_point(e) for e in effects}
     order = sorted(effects, key=lambda e: -points[e.id].gain)
-    untold = sum(points[e.id].gain == float("inf") for e in order)
+    unranked = sum(points[e.id].gain == float("inf") for e in order)
     result = []
-    for effect in order[: untold + FRONT]:
+    for effect in order[: unranked + FRONT]:
         point = points[effect.id]
         shapes = range(len(effect.shapes)) if point.gain == float("inf") else [point.shape]
         one = [

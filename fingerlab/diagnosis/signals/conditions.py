@@ -94,7 +94,7 @@ def with_interventions(sessions: Sequence[Session]) -> tuple[Session, ...]:
 
     seen: list[tuple[str, Intervention]] = []
 
-    def told(run: Run) -> Run:
+    def numbered(run: Run) -> Run:
         change = intervention_of(run.attributes, run.name) or UNCHANGED
         one = run.cable, change
         if change != UNCHANGED and one not in seen:
@@ -108,7 +108,7 @@ def with_interventions(sessions: Sequence[Session]) -> tuple[Session, ...]:
         count = min(len(seen), MOST_CHANGES)
         return replace(run, attributes={**run.attributes, CHANGE: (run.attributes[CHANGE], count)})
 
-    for change in (told, counted):
+    for change in (numbered, counted):
         sessions = [
             replace(s, runs=tuple(change(r) if r.cable_sign else r for r in s.runs)) for s in sessions
         ]
@@ -164,14 +164,14 @@ def repeated_motions(runs: Sequence[Run]) -> list[int | None]:
         if not all(isinstance(run.trajectory.get(name), int | float) for name in COMPARED[:2]):
             found.append(None)
             continue
-        place = next((k for k, other in enumerate(seen) if _told_the_same(run, other)), len(seen))
+        place = next((k for k, other in enumerate(seen) if _commanded_alike(run, other)), len(seen))
         if place == len(seen):
             seen.append(run)
         found.append(place)
     return found
 
 
-def _told_the_same(one: Run, other: Run) -> bool:
+def _commanded_alike(one: Run, other: Run) -> bool:
     mine, theirs = ({k: v for k, v in run.trajectory.items() if k not in COMPARED} for run in (one, other))
     same = group_key(one) == group_key(other) and _same_change(one, other)
     return same and mine == theirs and _alike(one.trajectory, other.trajectory)

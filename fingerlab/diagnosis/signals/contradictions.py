@@ -106,10 +106,10 @@ def _beside(run: Run, rig: Rig) -> tuple[float, float, float]:
         if large.any() and np.isfinite(amperes).all():
             current = float(np.median(samples["motor_torque"][large] / amperes[large])) / gain
     if "motor_command" in samples and np.isfinite(samples["motor_command"]).all():
-        told, done = samples["motor_command"], samples["motor_position"]
-        if _swing(told) > np.radians(MOVED_DEG) and _swing(done) > 0:
-            command = _swing(done) / _swing(told)
-            agrees = float(np.corrcoef(told, done)[0, 1])
+        commanded, done = samples["motor_command"], samples["motor_position"]
+        if _swing(commanded) > np.radians(MOVED_DEG) and _swing(done) > 0:
+            command = _swing(done) / _swing(commanded)
+            agrees = float(np.corrcoef(commanded, done)[0, 1])
     return current, command, agrees
 
 
@@ -149,50 +149,52 @@ def _dead(seen: Sequence[Facts]) -> str:
 
 
 def _units(seen: Sequence[Facts]) -> str:
-    told = _known(seen, lambda f: f.current)
-    if told and (min(v for _, v in told) > OFF_CURRENT or max(v for _, v in told) < 1.0 / OFF_CURRENT):
-        run, value = told[0]
+    ratios = _known(seen, lambda f: f.current)
+    if ratios and (min(v for _, v in ratios) > OFF_CURRENT or max(v for _, v in ratios) < 1.0 / OFF_CURRENT):
+        run, value = ratios[0]
         turned = "turn its sign" if value < 0 else "write it in N m at the gearbox output"
         return (
             f"Channel 'motor_torque' is {value:.3g} times what motor_current and the rig's torque constant "
             f"and gear ratio make it (run {run}, for one); {turned}, or correct the rig."
         )
-    told = _known(seen, lambda f: f.agrees)
-    if told and max(v for _, v in told) < -OPPOSITE:
+    signs = _known(seen, lambda f: f.agrees)
+    if signs and max(v for _, v in signs) < -OPPOSITE:
         return (
-            f"Channel 'motor_position' turns against its command in every run (run {told[0][0]}, for one); "
+            f"Channel 'motor_position' turns against its command in every run (run {signs[0][0]}, for one); "
             "turn the sign of one of them."
         )
-    told = _known(seen, lambda f: f.command)
-    if told and (min(v for _, v in told) > ANOTHER_UNIT or max(v for _, v in told) < 1.0 / ANOTHER_UNIT):
+    ratios = _known(seen, lambda f: f.command)
+    if ratios and (
+        min(v for _, v in ratios) > ANOTHER_UNIT or max(v for _, v in ratios) < 1.0 / ANOTHER_UNIT
+    ):
         return (
-            f"Channel 'motor_position' moves {told[0][1]:.3g} times as far as its command in run "
-            f"{told[0][0]}; write both in rad at the pulley."
+            f"Channel 'motor_position' moves {ratios[0][1]:.3g} times as far as its command in run "
+            f"{ratios[0][0]}; write both in rad at the pulley."
         )
-    told = _known(seen, lambda f: f.arm)
-    if told and not LEAST_ARM_M < np.median([v for _, v in told]) < LARGEST_ARM_M:
-        far = np.median([v for _, v in told]) > LARGEST_ARM_M
+    arms = _known(seen, lambda f: f.arm)
+    if arms and not LEAST_ARM_M < np.median([v for _, v in arms]) < LARGEST_ARM_M:
+        far = np.median([v for _, v in arms]) > LARGEST_ARM_M
         contrary = "much further than the joints turn" if far else "next to nothing while the joints turn"
         return (
-            f"The cable moves {contrary} (run {told[0][0]}, for one); write all angles in rad, the motor's "
+            f"The cable moves {contrary} (run {arms[0][0]}, for one); write all angles in rad, the motor's "
             "at the pulley, and the pulley's radius in m."
         )
-    told = _known(seen, lambda f: f.spring)
-    middle = float(np.median([v for _, v in told])) if told else NOT_KNOWN
+    arms = _known(seen, lambda f: f.spring)
+    middle = float(np.median([v for _, v in arms])) if arms else NOT_KNOWN
     if middle * ANOTHER_UNIT < LEAST_ARM_M or middle > ANOTHER_UNIT * LARGEST_ARM_M:
         times = "more" if middle < LEAST_ARM_M else "less"
         return (
-            f"Channel 'motor_torque' swings by far {times} than the joints' springs take (run {told[0][0]}, "
+            f"Channel 'motor_torque' swings by far {times} than the joints' springs take (run {arms[0][0]}, "
             "for one); write it in N m at the gearbox output, or correct the rig's stiffnesses."
         )
     return ""
 
 
 def _force(seen: Sequence[Facts]) -> str:
-    told = _known(seen, lambda f: f.force)
-    if not told:
+    forces = _known(seen, lambda f: f.force)
+    if not forces:
         return ""
-    run, values = told[0][0], np.array([v for _, v in told])
+    run, values = forces[0][0], np.array([v for _, v in forces])
     if (np.abs(values) < 1.0 / ANOTHER_UNIT).all():
         return (
             f"Channel 'endpoint_force' reads next to nothing in every contact run (run {run}, for one) while "

@@ -165,10 +165,10 @@ def _pace(run: Run) -> float:
     Of the strongest lines of its motion, so that neither noise nor the encoder's steps count. A motor that
     turns on has no travel: what depends on its angle comes again sooner.
     """
-    told, amplitude = commanded_frequency(run), run.trajectory.get("amplitude_deg")
-    if told is not None:
+    frequency, amplitude = commanded_frequency(run), run.trajectory.get("amplitude_deg")
+    if frequency is not None:
         swing = math.radians(float(amplitude)) if isinstance(amplitude, int | float) else 0.0
-        return 2.0 * math.pi * told * max(1.0, abs(swing) / math.sqrt(2.0) / USUAL_TRAVEL)
+        return 2.0 * math.pi * frequency * max(1.0, abs(swing) / math.sqrt(2.0) / USUAL_TRAVEL)
     position = _moving(run, "motor_position")
     if not len(position):
         return 0.0
@@ -314,7 +314,7 @@ def scaled_trajectory(trajectory: Mapping[str, Any], scales: Scales, way: int = 
     """A trajectory from reduced units in SI (``way`` 1) or the other way (-1), where its names say units."""
     if scales == SI:
         return dict(trajectory)
-    return {key: _told(value, scales.of(_unit_of(key)) ** way) for key, value in trajectory.items()}
+    return {key: _multiplied(value, scales.of(_unit_of(key)) ** way) for key, value in trajectory.items()}
 
 
 def _unit_of(key: str) -> str:
@@ -322,9 +322,9 @@ def _unit_of(key: str) -> str:
     return _ENDINGS[max(endings, key=len)] if endings else "1"
 
 
-def _told(value: Any, factor: float) -> Any:
+def _multiplied(value: Any, factor: float) -> Any:
     if factor == 1.0 or isinstance(value, bool):
         return value
     if isinstance(value, list | tuple):
-        return [_told(one, factor) for one in value]
+        return [_multiplied(one, factor) for one in value]
     return float(f"{value * factor:.12g}") if isinstance(value, int | float) else value

@@ -70,7 +70,7 @@ def segments_of(run: Run, rig: Rig) -> Iterator[Motion]:
     if run.length - first < SHORTEST_STRETCH_S * rate:
         lasts = as_recorded(run).seconds
         raise UserError(
-            f"Run {run.name} lasts {lasts:.1f} s; a diagnosis needs at least {_told(run, LEAST_SECONDS)}."
+            f"Run {run.name} lasts {lasts:.1f} s; a diagnosis needs at least {_duration(run, LEAST_SECONDS)}."
         )
     length = int(LONGEST_STRETCH_S * rate)
     none = True
@@ -81,7 +81,7 @@ def segments_of(run: Run, rig: Rig) -> Iterator[Motion]:
                 none = False
                 yield motion
     if none:
-        least = _told(run, settling_s(run) + SHORTEST_STRETCH_S)
+        least = _duration(run, settling_s(run) + SHORTEST_STRETCH_S)
         raise UserError(
             f"Run {run.name} has so many gaps that no {least} of it are whole; record it again, or "
             "leave it out."
@@ -93,7 +93,7 @@ def settling_s(run: Run) -> float:
     return min(SETTLING_S, SETTLING_SHARE * run.seconds)
 
 
-def _told(run: Run, seconds: float) -> str:
+def _duration(run: Run, seconds: float) -> str:
     return f"{seconds * scales_of(run).time:.3g} s"
 
 

@@ -11,8 +11,8 @@ def apply(bench: Plant, v: Values) -> None:
 
 def found(v: Values, nominal: Nominal) -> dict[str, float]:
     # What a wrap lets through of the tension is exp(-wrap); one wrap for both cables.
-    told = [v[cable] for cable in ("extension", "flexion") if cable in v]
-    return {"wrap": -math.log1p(-min(sum(told) / len(told), 0.9))}
+    let_through = [v[cable] for cable in ("extension", "flexion") if cable in v]
+    return {"wrap": -math.log1p(-min(sum(let_through) / len(let_through), 0.9))}
 
 
 EFFECT = PlantEffect(
