@@ -87,7 +87,7 @@ LEAST_SPIKES = 5
 """Fewer spikes of a channel in all runs are left aside without a word."""
 HELD_STEPS = 4.0
 """So many steps of its own a channel has to jump for the next sample to be asked whether it moves on."""
-HELD_SHARE = 0.9
+STANDING_SHARE = 0.75
 """... and in so many jumps it must not: one that is read with each sample does in nearly all; assumed."""
 LEAST_HELD = 20
 """With fewer jumps nothing is said of how often a channel is read; assumed."""

@@ -23,7 +23,6 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from fingerlab.diagnosis.settings import (
-    HELD_SHARE,
     HELD_STEPS,
     LEAST_HELD,
     LEAST_JITTER,
@@ -37,6 +36,7 @@ from fingerlab.diagnosis.settings import (
     PULSE_SAMPLES,
     REPORTED_JITTER,
     SPIKE_NEIGHBOURS,
+    STANDING_SHARE,
     STRAIGHTER,
     WIDE_CUTOFF_HZ,
     WIDE_RATE_HZ,
@@ -166,14 +166,14 @@ def usual_wait(values: Array, most: float) -> int:
     """
     changes = np.abs(np.diff(values))
     new = np.flatnonzero(changes) + 1
-    if not LEAST_HELD < len(new) < HELD_SHARE * len(values):
+    if not LEAST_HELD < len(new) < STANDING_SHARE * len(values):
         return 1
     sizes = np.unique(changes[new - 1])
     apart = np.diff(sizes)
     # At an even speed all changes are alike, and what they differ by is the step.
     step = min(sizes[0], np.min(apart, where=apart > SAME_SIZE * sizes[0], initial=np.inf))
     waits = np.diff(new)[changes[new[:-1] - 1] > HELD_STEPS * step]
-    if len(waits) < LEAST_HELD or np.mean(waits > 1) < HELD_SHARE or np.median(waits) > most:
+    if len(waits) < LEAST_HELD or np.mean(waits > 1) < STANDING_SHARE or np.median(waits) > most:
         return 1
     return int(np.median(waits))
 
