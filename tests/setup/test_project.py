@@ -131,3 +131,39 @@ def test_no_package_of_tests_takes_the_name_of_a_library() -> None:
     named = {path.parent.name for path in (ROOT / "tests").glob("*/__init__.py")}
     assert named
     assert not named & set(packages_distributions())
+
+
+def top_level_names(path: Path) -> list[str]:
+    """Names that a file's top level gives a value, a class or a function, as often as it does."""
+    import ast
+
+    names = []
+    for node in ast.parse(path.read_text(encoding="utf-8")).body:
+        if isinstance(node, ast.ClassDef | ast.FunctionDef):
+            names += [node.name] * (not node.decorator_list)
+        elif isinstance(node, ast.Assign | ast.AnnAssign):
+            targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+            names += [one.id for one in targets if isinstance(one, ast.Name)]
+    return names
+
+
+def test_no_file_gives_a_name_two_meanings() -> None:
+    """A number of the settings that stood twice had been read as the second by all."""
+    twice = {}
+    for path in (path for top in ("fingerlab", "ui") for path in (ROOT / top).rglob("*.py")):
+        names = top_level_names(path)
+        twice[str(path)] = {name for name in names if names.count(name) > 1}
+    assert {path: names for path, names in twice.items() if names} == {}
+
+
+def test_no_two_classes_have_one_name() -> None:
+    import ast
+    from collections import Counter
+
+    trees = (
+        ast.parse(path.read_text("utf-8"))
+        for top in ("fingerlab", "ui")
+        for path in (ROOT / top).rglob("*.py")
+    )
+    counts = Counter(node.name for tree in trees for node in ast.walk(tree) if isinstance(node, ast.ClassDef))
+    assert [name for name, count in counts.items() if count > 1] == []

@@ -309,9 +309,8 @@ SAME_RATE = 1e-6
 
 
 _NARROW = low_pass_kernel(NARROW_TAPS, NARROW_CUTOFF_HZ, WIDE_RATE_HZ)
-EFFECTIVE_SHARE = float(1.0 / (NARROW_RATE_HZ / WIDE_RATE_HZ * np.sum(_NARROW**2) ** -1))
+EFFECTIVE_SHARE = min(1.0, float(1.0 / (NARROW_RATE_HZ / WIDE_RATE_HZ * np.sum(_NARROW**2) ** -1)))
 """Independent samples per decimated sample of white noise: noise bandwidth over Nyquist frequency."""
-EFFECTIVE_SHARE = min(1.0, EFFECTIVE_SHARE)
 
 
 @lru_cache(maxsize=32)
