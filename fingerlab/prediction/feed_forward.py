@@ -229,8 +229,21 @@ class Feed:
 def first_plan(
     wanted: WantedForce, model: ExtendedModel, pose: ContactPose, rig: Rig, where: str
 ) -> TorquePlan:
-    """The nominal model's torque for a pose that is a straight line of the force: that of the first run."""
-    return needed_torque(wanted, model.nominal, pose, rig, where)
+    """Either model's torque for a pose that is a straight line of the force, the lesser: that of the first run.
+
+    The nominal model may ask for a multiple of what presses as wanted; the found one need not have a torque for
+    such a pose.
+
+    Raises:
+        UserError: the nominal model has none.
+    """
+    nominal = needed_torque(wanted, model.nominal, pose, rig, where)
+    try:
+        found = needed_torque(wanted, model.extended, pose, rig, where)
+    except UserError:
+        return nominal
+    usable = [plan for plan in (nominal, found) if not plan.beyond]
+    return min(usable or [nominal], key=lambda plan: float(plan.torque.max()))
 
 
 def learned_plan(

@@ -18,6 +18,7 @@ the load cell, a found model that does worse than the nominal one by far.
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -70,8 +71,8 @@ HARDER, HARDER_N = 2.0, 0.5
 """A run ends where the fingertip presses with so many times the highest wanted force and so much more, N: a
 model that is wrong by a factor of two still shows by how much, and nothing gives way (assumed)."""
 FURTHER_DEG = 15.0
-"""And where the pulley turns so much further than it has stood under force before (assumed: with four times
-the stretch of a soft cable, and far less than a finger needs to slip off the load cell)."""
+"""And where the pulley turns so much further than it has stood under force before and than the found cable gives
+under the torque to come (assumed: far less than a finger needs to slip off the load cell)."""
 PRESSES = 0.1
 """Share of the wanted force that a practice run presses with at least, on average; with less there is no
 contact (assumed: the thesis' bench had a quarter)."""
@@ -151,7 +152,7 @@ class ForceTrial:
     model: ExtendedModel = field(init=False)
     wanted: WantedForce = field(init=False)
     _pose: ContactPose | None = None
-    _most_deg: float = 0.0
+    _reached: tuple[float, float] = (0.0, math.inf)
     _plans: dict[str, TorquePlan] = field(default_factory=dict)
     _feeds: dict[str, Feed] = field(default_factory=dict)
     _motions: dict[str, Run] = field(default_factory=dict)
@@ -358,9 +359,9 @@ class ForceTrial:
             )
 
     def _look_how_far(self, run: Run) -> None:
-        reached = float(np.degrees(run.channel("motor_position").max()))
-        high = float(np.degrees(self.rig.limits.position_high))
-        self._most_deg = min(reached + FURTHER_DEG, high)
+        position = run.channel("motor_position")
+        furthest = int(np.argmax(position))
+        self._reached = float(position[furthest]), float(run.channel("motor_torque")[furthest])
 
     def _doubt(self, name: str, run: Run) -> None:
         """Keep a practice; raises UserError where the found model's was far worse than the nominal one's."""
@@ -406,7 +407,18 @@ class ForceTrial:
 
     def _bounded(self, plan: TorquePlan) -> Mapping[str, Any]:
         force = min(HARDER * float(self.wanted.force.max()) + HARDER_N, self.rig.limits.force)
-        return {**plan.trajectory(), MOST_FORCE: force, MOST_POSITION: self._most_deg}
+        return {**plan.trajectory(), MOST_FORCE: force, MOST_POSITION: self._furthest_deg(plan)}
+
+    def _furthest_deg(self, plan: TorquePlan) -> float:
+        """Where a run ends because the pulley has turned too far: what the found cable gives is no slip."""
+        position, torque = self._reached
+        radius = self.rig.motor.pulley_radius or math.inf
+        compliance = max(self.model.extended.values.get("cable_compliance", 0.0), 0.0)
+        stretch = compliance * max(float(plan.torque.max()) - torque, 0.0) / radius**2
+        furthest = min(position + stretch, self.rig.limits.position_high)
+        return min(
+            float(np.degrees(furthest)) + FURTHER_DEG, float(np.degrees(self.rig.limits.position_high))
+        )
 
     def _force_attributes(self) -> dict[str, Any]:
         """The wanted force with each run, 50 points a second: the file needs no other beside it."""
