@@ -24,6 +24,7 @@ from fingerlab.models.file import write_model
 from fingerlab.prediction import fit_extended, model_of_extended
 from fingerlab.prediction.comparing import compare_models
 from fingerlab.prediction.trial import analyse_trial, trial_json
+from fingerlab.core.text import in_sentence
 from fingerlab.report.trial import result_sentences
 from fingerlab.sessions import open_session
 from fingerlab.twin.protocols import AS_BUILT
@@ -110,7 +111,7 @@ def _bench(row: dict[str, Any]) -> str:
 def markdown(rows: list[dict[str, Any]], command: str) -> str:
     """The page; the story is that of the first bench."""
     first = rows[0]
-    names = ["nominal model", *(CATALOGUE[name].title.lower() for name, _ in first["path"][1:])]
+    names = ["nominal model", *(in_sentence(CATALOGUE[name].title) for name, _ in first["path"][1:])]
     steps = [f"| {name} | {score:.3g} |" for name, (_, score) in zip(names, first["path"], strict=True)]
     before, after = first["nominal"], first["found"]
     return TEXT.read_text(encoding="utf-8").format(
