@@ -229,10 +229,10 @@ class Feed:
 def first_plan(
     wanted: WantedForce, model: ExtendedModel, pose: ContactPose, rig: Rig, where: str
 ) -> TorquePlan:
-    """Either model's torque for a pose that is a straight line of the force, the lesser: that of the first run.
+    """Torque of the first run: the lesser of both models' for a pose that is a straight line of the force.
 
-    The nominal model may ask for a multiple of what presses as wanted; the found one need not have a torque for
-    such a pose.
+    The nominal model may ask for a multiple of what presses as wanted; the found one need not have a torque
+    for such a pose.
 
     Raises:
         UserError: the nominal model has none.

@@ -86,15 +86,11 @@ def test_every_file_of_the_walks_is_there() -> None:
         assert [n for n in re.findall(r"`(\w+\.py)`", said) if not (ROOT / folder / n).exists()] == []
 
 
-STILL_TWO = {"Change", "Model"}
-"""Names that two rooms share; none is to join them."""
-
-
-def test_no_further_class_name_stands_twice(structure: ModuleType) -> None:
+def test_no_class_name_stands_twice(structure: ModuleType) -> None:
     named: dict[str, list[str]] = {}
     for top in structure.TOPS:
         for path in sorted((ROOT / top).rglob("*.py")):
             for node in ast.parse(path.read_text(encoding="utf-8")).body:
                 if isinstance(node, ast.ClassDef):
                     named.setdefault(node.name, []).append(path.relative_to(ROOT).as_posix())
-    assert {name: places for name, places in named.items() if len(places) > 1}.keys() == STILL_TWO
+    assert {name: places for name, places in named.items() if len(places) > 1} == {}

@@ -18,13 +18,13 @@ from threadpoolctl import threadpool_limits
 
 from fingerlab.cli.main import cli
 from fingerlab.core.errors import UserError
+from fingerlab.core.text import in_sentence
 from fingerlab.diagnosis import diagnose
 from fingerlab.effects import CATALOGUE
 from fingerlab.models.file import write_model
 from fingerlab.prediction import fit_extended, model_of_extended
 from fingerlab.prediction.comparing import compare_models
 from fingerlab.prediction.trial import analyse_trial, trial_json
-from fingerlab.core.text import in_sentence
 from fingerlab.report.trial import result_sentences
 from fingerlab.sessions import open_session
 from fingerlab.twin.protocols import AS_BUILT

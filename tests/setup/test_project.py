@@ -154,16 +154,3 @@ def test_no_file_gives_a_name_two_meanings() -> None:
         names = top_level_names(path)
         twice[str(path)] = {name for name in names if names.count(name) > 1}
     assert {path: names for path, names in twice.items() if names} == {}
-
-
-def test_no_two_classes_have_one_name() -> None:
-    import ast
-    from collections import Counter
-
-    trees = (
-        ast.parse(path.read_text("utf-8"))
-        for top in ("fingerlab", "ui")
-        for path in (ROOT / top).rglob("*.py")
-    )
-    counts = Counter(node.name for tree in trees for node in ast.walk(tree) if isinstance(node, ast.ClassDef))
-    assert [name for name, count in counts.items() if count > 1] == []

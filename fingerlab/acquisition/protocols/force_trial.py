@@ -71,8 +71,8 @@ HARDER, HARDER_N = 2.0, 0.5
 """A run ends where the fingertip presses with so many times the highest wanted force and so much more, N: a
 model that is wrong by a factor of two still shows by how much, and nothing gives way (assumed)."""
 FURTHER_DEG = 15.0
-"""And where the pulley turns so much further than it has stood under force before and than the found cable gives
-under the torque to come (assumed: far less than a finger needs to slip off the load cell)."""
+"""And where the pulley turns so much further than it has stood under force before, and than the found cable
+gives under the torque to come (assumed: far less than a finger needs to slip off the load cell)."""
 PRESSES = 0.1
 """Share of the wanted force that a practice run presses with at least, on average; with less there is no
 contact (assumed: the thesis' bench had a quarter)."""
