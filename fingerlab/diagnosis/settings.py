@@ -252,6 +252,9 @@ REPORTED_OFFSET = 3.0
 """A zero is said to move that moves by so many times what it is known to; assumed."""
 REPORTED_SHARE = 0.4
 """... and by this share of what the zero that moves most does; assumed."""
+REPORTED_ZERO_DEG = 0.1
+"""A zero of an angle sensor that moves by less is not told, degrees: joints that come to rest in their
+friction look like it, and a sensor that is clamped anew repeats no better; assumed."""
 REPORTED_SKEW_S = 4e-4
 """From here on a skew between the channels is told, s: friction that no model holds makes 0.3 ms of it."""
 SPREADS = (1e-5, 0.5)

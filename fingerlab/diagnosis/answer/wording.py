@@ -20,6 +20,7 @@ from fingerlab.diagnosis.settings import (
     REPORTED_OFFSET,
     REPORTED_SHARE,
     REPORTED_SKEW_S,
+    REPORTED_ZERO_DEG,
     Z90,
 )
 from fingerlab.diagnosis.signals.filters import BRIDGED, CUT_OUT, HELD, OF_TIME, UNEVEN
@@ -111,7 +112,8 @@ def _moved(reduction: Reduction, offsets: Sequence[Offsets], rig: Rig) -> list[B
         away = np.concatenate([zeros[mine] - zeros[mine].mean() for mine in repeats])
         every = [k for mine in repeats for k in mine]
         spread = float(np.sqrt(np.sum(away**2) / (len(away) - len(repeats))))
-        if not spread > REPORTED_OFFSET * float(np.sqrt(np.mean(unsure[every] ** 2))):
+        least = 0.0 if unit == "N m" else np.radians(REPORTED_ZERO_DEG)
+        if not spread > max(REPORTED_OFFSET * float(np.sqrt(np.mean(unsure[every] ** 2))), least):
             continue
         worst = int(np.argmax(np.abs(away)))
         run = reduction.runs[numbers[every[worst]]][1]
