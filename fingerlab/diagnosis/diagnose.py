@@ -33,6 +33,7 @@ from fingerlab.diagnosis.answer.wording import (
     residual_offsets,
 )
 from fingerlab.diagnosis.equations.model import Choice, build
+from fingerlab.diagnosis.equations.parameters import TORQUE_LAG
 from fingerlab.diagnosis.fit.data import Weights
 from fingerlab.diagnosis.fit.run_spreads import find_constants
 from fingerlab.diagnosis.gram.reduction import Reduction
@@ -61,7 +62,9 @@ from fingerlab.diagnosis.search.rivals import Rival, odds_of_rivals
 from fingerlab.diagnosis.search.strategy import Found, Question, Stages, search_effects
 from fingerlab.diagnosis.settings import (
     CONSTANTS_ROUNDS,
+    DECIDING_LOG_ODDS,
     FULL_ITERATIONS,
+    LAG_SHARE,
     NEARLY_RIGHT,
     RUN_LOG_ODDS,
     SET_LOG_ODDS,
@@ -161,6 +164,10 @@ def settle_constants(reduction: Reduction, scorer: Scorer) -> Scorer:
 
     They are looked for once, under the bare model, whatever effects are given.
     """
+    if scorer.reduced.on_bench and not (reduction.settled or reduction.late_torque):
+        reduction.late_torque = torque_is_late(scorer)
+    if reduction.late_torque:
+        scorer = scorer.with_late_torque()
     if reduction.constants is None and not reduction.settled:
         free = Scorer(replace(scorer.reduced, held={})) if scorer.reduced.held else scorer
         bare, rig = free.bare, reduction.sessions[0].rig
@@ -169,6 +176,28 @@ def settle_constants(reduction: Reduction, scorer: Scorer) -> Scorer:
         )
         reduction.settled = True
     return scorer if reduction.constants is None else scorer.with_constants(reduction.constants)
+
+
+LIKE_A_LAG = "motor_viscous_friction"
+"""At one pace an inertia's torque that comes late is what viscous friction takes."""
+
+
+def torque_is_late(scorer: Scorer) -> bool:
+    """Whether the torque of a motor alone is logged so much later than its position that it has to be known.
+
+    Only where that explains nearly all that the bare model misses, and more than viscous friction would: the
+    lag of a machine that rubs is not told from its friction.
+    """
+    late, bare = scorer.with_late_torque(), scorer.score_held_out(scorer.bare)
+    lagging = late.score_held_out(late.fit_reweighted([], bare))
+    place = lagging.model.index[TORQUE_LAG]
+    lag, most = float(lagging.fit.values[place]), float(lagging.model.high[place])
+    usual = lagging.model.unknowns[place].parameter.typical
+    if not (usual < lag < 0.99 * most and lagging.misfit < (1.0 - LAG_SHARE) * bare.misfit):
+        return False
+    rubs = [Choice(one) for one in scorer.reduced.layout.effects if one.id == LIKE_A_LAG]
+    rubbing = scorer.score_held_out(scorer.fit_reweighted(rubs, bare))
+    return rubbing.misfit - lagging.misfit > 2.0 * DECIDING_LOG_ODDS
 
 
 def check_held(reduction: Reduction, scorer: Scorer, given: Sequence[Effect]) -> None:

@@ -47,6 +47,12 @@ SETTLING_SHARE = 1.0 / 3.0
 """... and of a short run no more than this share: it has a shorter start, or little to spare; assumed."""
 SHORTEST_STRETCH_S = 2.0
 """A stretch that is shorter is left out, s; assumed: at either end the filters take a share of it."""
+USUAL_LAG_S, USUAL_LAG_SAMPLES = 0.002, 2.0
+"""A motor's torque is logged later than its position by about so much, or so many samples: its current is
+filtered, a bus hands either on; assumed. Up to ten times as much is looked for."""
+LAG_SHARE = 0.9
+"""It is only believed where it explains so much of what the bare model misses; assumed: where motors rub it
+explains a fifth at most, and viscous friction of a light touch three quarters."""
 USUAL_INERTIA = 2e-4
 """Inertia of a rotor, gearbox and pulley of which nothing is known, kg m^2; assumed: the bench's order."""
 WIDE_RATE_HZ = 250.0

@@ -32,6 +32,7 @@ TITLES = {
     "bench_gain": ("Gain on the load", "1"),
     "bench_offset": ("Offset of the torque", "N m"),
     "bench_trace": ("Trace of viscous friction", "N m s/rad"),
+    "bench_lag": ("Torque logged late by", "s"),
     "proximal_mass": ("Proximal mass, off by", "%"),
     "distal_mass": ("Distal mass, off by", "%"),
     "mcp_stiffness": ("MCP stiffness, off by", "%"),

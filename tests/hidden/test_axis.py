@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -165,6 +166,25 @@ def test_a_position_that_is_read_at_a_tenth_of_the_rate_is_no_missing_effect(tmp
     assert result.score < 1.1  # 152 and "not in the catalogue" on the staircase
     assert [(one.kind, one.channel) for one in result.bench] == [("held", "motor_position")]
     assert find_scales([open_session(tmp_path / "axis.h5")]).time == 2.0
+
+
+def test_a_torque_that_is_filtered_is_no_missing_effect(tmp_path: Path) -> None:
+    """Laps of a carriage; the torque passes a filter of 10 ms, in a band where that is no mere lag."""
+    result = diagnosed(robots.imported(robots.MACHINES["plain, late torque"], tmp_path))
+    assert result.verdict == "nothing_missing"
+    assert result.score < 1.05
+    (told,) = result.bench
+    assert (told.kind, told.channel) == ("skew", "motor_torque")
+    assert told.size == pytest.approx(0.010, rel=0.15)
+
+
+def test_viscous_friction_at_one_pace_is_no_late_torque(tmp_path: Path) -> None:
+    """At one pace both are one: 3 % of the inertia's torque against the speed, as of 12 ms."""
+    plain = robots.MACHINES["plain, sines"]
+    joint = replace(plain, command=robots.sines(0.6, (0.7, 0.7, 0.7)), viscous=2.2e-3)
+    result = diagnosed(robots.imported(joint, tmp_path))
+    assert result.path[1].added == "motor_viscous_friction"
+    assert result.bench == ()
 
 
 def test_samples_that_come_early_or_late_are_no_missing_effect(tmp_path: Path) -> None:

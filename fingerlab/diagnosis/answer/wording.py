@@ -10,6 +10,7 @@ import numpy as np
 from fingerlab.core.text import estimate_text, fixed, in_sentence, screen_unit
 from fingerlab.diagnosis.answer.results import BenchFinding
 from fingerlab.diagnosis.equations.coefficients import DELAY
+from fingerlab.diagnosis.equations.parameters import TORQUE_LAG
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.gram.sums import SOURCES, Offsets
 from fingerlab.diagnosis.score.evidence import Evidence
@@ -45,6 +46,7 @@ def bench_findings(
         *_channels(reduction),
         *_moved(reduction, offsets, reduction.rig),
         *_skew(reduction, last),
+        *_lag(reduction, last),
         *_spikes(reduction),
         *_lost(reduction),
         *_held(reduction),
@@ -83,6 +85,21 @@ def _skew(reduction: Reduction, last: FittedModel) -> list[BenchFinding]:
     )
     advice = "read all channels at one instant, or correct their times"
     return [BenchFinding("skew", "mcp_angle", late * seconds, "s", (), said, advice)]
+
+
+def _lag(reduction: Reduction, last: FittedModel) -> list[BenchFinding]:
+    """A torque that is logged later than the position of the axis."""
+    place = last.model.index.get(TORQUE_LAG)
+    if place is None:
+        return []
+    seconds, usual = reduction.scales.of("s"), last.model.unknowns[place].parameter.typical
+    late, unsure = float(last.fit.values[place]), float(last.fit.deviations[place])
+    if late < max(usual, REPORTED_OFFSET * unsure):
+        return []
+    at_least = "at least " if late >= last.model.high[place] * 0.99 else ""
+    said = f"The motor's torque comes {at_least}{_number(late * seconds * 1e3)} ms after its position"
+    advice = "log the current before it is filtered, or correct its times"
+    return [BenchFinding("skew", "motor_torque", late * seconds, "s", (), said, advice)]
 
 
 def _moved(reduction: Reduction, offsets: Sequence[Offsets], rig: Rig) -> list[BenchFinding]:

@@ -7,6 +7,7 @@ shifts.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -127,9 +128,10 @@ def layout_of(
         count = max(count, place + 1)
         features.append(feature)
         signals.append(place)
+    rate = min((run.sample_rate_hz for run in session.runs), default=math.inf)
     return Layout(
-        tuple(features), nuisance_ranges(session.rig), tuple(effects), np.arange(base), np.array(signals),
-        spread_of(session.rig),
+        tuple(features), nuisance_ranges(session.rig, rate), tuple(effects), np.arange(base),
+        np.array(signals), spread_of(session.rig),
     )  # fmt: skip
 
 

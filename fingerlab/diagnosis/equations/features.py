@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from fingerlab.diagnosis.equations.parameters import CHANGED_OFFSET, TIP_LAWS, TORQUE_ZERO
+from fingerlab.diagnosis.equations.parameters import CHANGED_OFFSET, TIP_LAWS, TORQUE_LAG, TORQUE_ZERO
 from fingerlab.diagnosis.settings import LIFTED_M, SLIP_STIFFNESSES, TIP_STIFFNESS, USUAL_SPREAD, WIDE_RATE_HZ
 from fingerlab.diagnosis.signals.scales import SI, Scales
 from fingerlab.effects.base import Effect, Gain, Row, Scale
@@ -119,6 +119,7 @@ class Layout:
     signals: IntArray = field(repr=False)  # (features,): which signal a feature is; some are the same one
     arm_spread: float = USUAL_SPREAD  # of the ratio of flexion to extension arms
     scales: Scales = SI  # the reduced units in which all of it is told
+    late_torque: bool = False  # whether the torque of a motor alone may be logged later than its position
 
     @cached_property
     def _rows(self) -> IntArray:
@@ -196,6 +197,7 @@ def base_columns(motion: Motion) -> list[tuple[Feature, Array]]:
             (Feature(Row.BENCH, "bench_gain"), load),
             (Feature(Row.BENCH, "bench_offset"), np.ones_like(motion.time)),
             (Feature(Row.BENCH, "bench_trace"), motion.velocity),
+            (Feature(Row.BENCH, TORQUE_LAG), -np.gradient(motion.torque, 1.0 / motion.sample_rate_hz)),
         ]
     finger, q = motion.finger_and_joints
     one = np.ones_like(motion.time)

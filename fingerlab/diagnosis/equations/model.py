@@ -19,7 +19,7 @@ from fingerlab.diagnosis.equations.features import (
     Layout,
     Pick,
 )
-from fingerlab.diagnosis.equations.parameters import ARMS, SET_DOWN, TIP_LAWS, Tie, tie
+from fingerlab.diagnosis.equations.parameters import ARMS, SET_DOWN, TIP_LAWS, TORQUE_LAG, Tie, tie
 from fingerlab.effects.base import Effect, Row
 from fingerlab.physics.parameter import Parameter
 from fingerlab.sessions.model import Array
@@ -203,6 +203,7 @@ def build(
 ) -> Model:
     """The model with the nominal equations, all nuisances (one law of the tip), and the chosen effects."""
     absent = {name for law, names in TIP_LAWS.items() if law != tip_law for name in names}
+    absent |= set() if layout.late_torque else {TORQUE_LAG}
     special = {c.effect.special for c in choices}
     relaxed = {name: gain for c in choices for name, gain in c.effect.relaxes.items()}
     delayed = "delay" in special

@@ -9,6 +9,7 @@ that a fit stays at its edge, unless an effect says that the routing is another 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -20,6 +21,8 @@ from fingerlab.diagnosis.settings import (
     SLIP_STIFFNESSES,
     STIFFNESS,
     TOLERANCES,
+    USUAL_LAG_S,
+    USUAL_LAG_SAMPLES,
     USUAL_RATIOS,
     USUAL_SPREAD,
 )
@@ -47,6 +50,9 @@ TORQUE_ZERO = "torque_zero"
 """The unknown that a current's zero adds to the motor's torque, N m."""
 
 
+TORQUE_LAG = "bench_lag"
+"""By how much the torque of a motor alone is logged later than its position, s: a filter of its current, or
+two clocks. Beside a finger both are channels of one card."""
 BENCH_RANGES = {
     "bench_inertia": Parameter("kg m^2", 0.0, 1e4, 1e-3, open=True),
     "bench_gain": Parameter("1", -100.0, 100.0, 1.0, open=True),
@@ -61,16 +67,21 @@ IN_CONTACT = ("force_gain", "lateral", SET_DOWN, "lateral_spring", RUBS, *SLIPS,
 """What a finger that touches nothing says nothing of."""
 
 
-def nuisance_ranges(rig: Rig) -> dict[str, Parameter]:
+def nuisance_ranges(rig: Rig, rate: float = math.inf) -> dict[str, Parameter]:
     """Plausible range of every unknown that each model carries; ``typical`` is one standard deviation.
 
     Constants of the rig move within 2.5 tolerances and no further: a prior alone lets a mass absorb what
     it should not.
+
+    Args:
+        rate: samples a second, of the run that has fewest.
     """
+    lag = max(USUAL_LAG_S, USUAL_LAG_SAMPLES / rate)
+    bench = BENCH_RANGES | {TORQUE_LAG: Parameter("s", 0.0, 10.0 * lag, lag)}
     if rig.finger is None:
-        return dict(BENCH_RANGES)
+        return bench
     zero = rig.motor.torque_constant * rig.motor.gear_ratio * CURRENT_ZERO_A
-    ranges = BENCH_RANGES | {
+    ranges = bench | {
         TORQUE_ZERO: Parameter("N m", -2.5 * zero, 2.5 * zero, zero, source="assumed: the current's zero"),
         "load_gain": Parameter("1", -0.05, 0.05, 0.02, source="assumed: a load known to 2 %"),
     }

@@ -56,6 +56,7 @@ class Reduction:
     Attributes:
         constants: that every run has of its own, as was found; None: none.
         settled: whether they were looked for.
+        late_torque: whether the torque of a motor alone was found to be logged later than its position.
         held: values that somebody holds unknowns of every model at, by key, SI.
         repairs: samples that were put right, by number of the run and channel; samples: that it has.
     """
@@ -77,6 +78,7 @@ class Reduction:
         self._seen: dict[str, tuple[Shape, ...]] = {}
         self.constants: RunConstants | None = None
         self.settled = False
+        self.late_torque = False
         self.held: Mapping[str, float] = {}
         self.repairs: dict[int, Mapping[str, int]] = {}
         self.samples: dict[int, float] = {}
@@ -219,7 +221,8 @@ class Reduction:
         known = self._closer[key]
         # Missing noise is filled in by whoever asks.
         groups = [replace(g) for g in known.groups]
-        return replace(known, groups=groups, constants=self.constants, held=self.held)
+        layout = replace(known.layout, late_torque=self.late_torque)
+        return replace(known, layout=layout, groups=groups, constants=self.constants, held=self.held)
 
     def shown(self, effects: Sequence[Effect], keep: Keep) -> None:
         """Show ``keep`` every segment as it passes, with the columns of few effects, formed anew."""
@@ -243,6 +246,7 @@ class Reduction:
             tuple((*_key(e), e.widened) for e in effects),
             None if self.constants is None else self.constants.key,
             tuple(sorted(self.held.items())),
+            self.late_torque,
             tuple(shapes),
         )
         if key not in self._remembered:
@@ -274,7 +278,7 @@ class Reduction:
             motion = known.motion if known is not None else next(segments_of(run, session.rig))
             beside = len(set(kinds)) == 2
             found = layout_of(motion.glimpse(), session, effects, beside_finger=beside)
-            layouts[on_bench] = replace(found, scales=self.scales)
+            layouts[on_bench] = replace(found, scales=self.scales, late_torque=self.late_torque)
         return layouts
 
     def _reduced(

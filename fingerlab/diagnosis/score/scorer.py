@@ -75,6 +75,14 @@ class Scorer:
         other.__dict__.pop("bare", None)
         return other
 
+    def with_late_torque(self) -> Scorer:
+        """The same for a motor alone whose torque may be logged later than its position."""
+        other = self.fresh()
+        other.reduced = replace(self.reduced, layout=replace(self.reduced.layout, late_torque=True))
+        other._models = {}
+        other.__dict__.pop("bare", None)
+        return other
+
     def in_floors(self) -> Scorer:
         """The same, with a misfit above what the weights stand for where nothing repeats, too."""
         other = self.fresh()

@@ -21,6 +21,7 @@ import numpy as np
 from click.testing import CliRunner
 from scipy.interpolate import CubicSpline
 from scipy.io import savemat
+from scipy.signal import lfilter
 
 from fingerlab.cli.main import cli
 from fingerlab.sessions.model import Array
@@ -46,6 +47,7 @@ class Joint:
         step: of the encoder, torque_step, noise: of the torque as logged.
         sense: 1, or -1 where the encoder counts against the torque.
         held: after so many samples the encoder is read again.
+        late: time constant of the filter through which the torque is logged, s.
         jitter: by so much of a sample each comes early or late, and one in thirty not at all.
         truth: the effects that are in it; of those in braces any will do. inside: the same in words.
     """
@@ -75,6 +77,7 @@ class Joint:
     noise: float = 0.0
     sense: float = 1.0
     held: int = 1
+    late: float = 0.0
     jitter: float = 0.0
     linear: bool = False
     seed: int = 0
@@ -147,6 +150,9 @@ def logged(joint: Joint) -> list[dict[str, Array]]:
     """The log of each run: time, position, torque, and load where the machine tells one; each (n,), SI."""
     time, position, torque, load = motion_of(joint)
     rng = np.random.default_rng([joint.seed, 11])
+    if joint.late:
+        kept = math.exp(-1.0 / joint.rate / joint.late)
+        torque = lfilter([1.0 - kept], [1.0, -kept], torque, axis=1)
     torque = torque + joint.offset + joint.noise * rng.standard_normal(torque.shape)
     if joint.torque_step:
         torque = np.rint(torque / joint.torque_step) * joint.torque_step
@@ -334,6 +340,7 @@ MACHINES: Mapping[str, Joint] = {
         fourier(1.0, 0.15, 4, 5), 0.05, 0.8, 0.2, viscous=0.3, sense=-1.0, truth=(RUBS,), noise=0.02,
         inside="0.8 N m, 0.3 N m s/rad", step=1e-4, rate=500.0,
     ),
+    "ball screw, late torque": replace(EMPS, late=0.01),
     "ball screw, uneven times": replace(EMPS, jitter=0.25),
     "ball screw, read at 100 Hz": replace(EMPS, held=10),
     "shoulder, read at 100 Hz": replace(ARM, held=10),
@@ -357,6 +364,9 @@ MACHINES: Mapping[str, Joint] = {
     "plain, sines": Joint(
         sines(0.6, (0.5, 1.0, 0.25, 0.7)), 0.01, noise=0.004, step=1e-4, rate=250.0, seconds=10.0
     ),
+    "plain, late torque": Joint(
+        moves(0.5, 0.6, 2.0, (0.2, 0.2, 0.2)), 20.0, noise=0.5, step=1e-6, linear=True, late=0.01
+    ),
     "plain, uneven times": Joint(
         moves(0.5, 0.6, 2.0, (0.2, 0.2, 0.2)), 20.0, noise=0.5, step=1e-6, linear=True, jitter=0.25
     ),
@@ -364,4 +374,4 @@ MACHINES: Mapping[str, Joint] = {
         sines(0.6, (0.5, 1.0, 0.25, 0.7)), 0.01, noise=0.004, step=1e-4, rate=250.0, seconds=10.0, held=10
     ),
 }  # fmt: skip
-"""Of the kinds that are logged in public; the last nine have nothing that the model lacks."""
+"""Of the kinds that are logged in public; the last ten have nothing that the model lacks."""
