@@ -91,6 +91,18 @@ class ScoreTest:
         best = int(np.argmax(gains))
         return PredictedGain(best, gains[best])
 
+    def best_of_other_kinds(self, effect: Effect, taken: int) -> list[int]:
+        """The best grid point of each kind of shape, told by the names of its values, but that of ``taken``.
+
+        A first step does not tell what else moves when friction at rest has another torque to hold: of a
+        link's weight it promised a tenth of what it explained, and less than a ripple's line.
+        """
+        kinds: dict[frozenset[str], list[int]] = {}
+        for i, shape in enumerate(effect.shapes):
+            kinds.setdefault(frozenset(shape), []).append(i)
+        others = [places for places in kinds.values() if taken not in places]
+        return [max(places, key=lambda i: self.gain(effect, i)) for places in others]
+
     def gain(self, effect: Effect, shape: int) -> float:
         """By how much the cost (minus twice the log posterior) falls in one step of the effect's gains."""
         places = self.layout.indices(effect.id, shape)
@@ -154,6 +166,10 @@ def screen(
             start = min(everywhere, key=_cost)
             point = PredictedGain(start.choices[-1].shape, np.inf)
         fitted = scorer.fit([*given, Choice(effect, point.shape)], start, iterations)
+        if point.gain < np.inf:
+            others = test.best_of_other_kinds(effect, point.shape)
+            tried = [scorer.fit([*given, Choice(effect, i)], base, SCREEN_ITERATIONS) for i in others]
+            fitted = min([fitted, *tried], key=_cost)
         # Without the effect the tip may have seemed to do what it does not.
         candidates.append(off_its_bounds(scorer, scorer.with_best_law(fitted, SCREEN_ITERATIONS)))
     return sorted(candidates, key=_cost)
