@@ -280,16 +280,9 @@ def _leader(scorer: Scorer, base: FittedModel, front: Sequence[FittedModel]) -> 
     Under the weights of a model that calls much of the recordings noise nothing speaks against another such
     one: where a tip seems to rub, its friction is noise to all else in contact.
     """
-    best, *others = front
-    least = base.fit.cost - LEADING_SHARE * (base.fit.cost - best.fit.cost)
-    noise = _own_noise(scorer, best)
-    likely = [c for c in others if c.fit.cost <= least and _own_noise(scorer, c) < noise]
-    return min((scorer.fit_reweighted(c.choices, c) for c in (best, *likely)), key=scorer.deviance)
-
-
-def _own_noise(scorer: Scorer, fitted: FittedModel) -> float:
-    """Minus twice the log density of noise alone under the weights that a model would have for its own."""
-    return scorer.noise_deviance(replace(fitted, weights=scorer.own_weights(fitted)))
+    least = base.fit.cost - LEADING_SHARE * (base.fit.cost - front[0].fit.cost)
+    likely = [c for c in front if c.fit.cost <= least]
+    return min((scorer.fit_reweighted(c.choices, c) for c in likely), key=scorer.deviance)
 
 
 def _as_held_out(base: FittedModel, fitted: FittedModel) -> FittedModel:
