@@ -160,12 +160,12 @@ def _look(
 
 
 def settle_constants(reduction: Reduction, scorer: Scorer) -> Scorer:
-    """The scorer, with the constants that every run has of its own if the reduction has found any.
+    """The scorer, with a late torque and constants that every run has of its own, if any were found.
 
     They are looked for once, under the bare model, whatever effects are given.
     """
     if scorer.reduced.on_bench and not (reduction.settled or reduction.late_torque):
-        reduction.late_torque = torque_is_late(scorer)
+        reduction.late_torque = torque_is_late(reduction, scorer)
     if reduction.late_torque:
         scorer = scorer.with_late_torque()
     if reduction.constants is None and not reduction.settled:
@@ -182,7 +182,7 @@ LIKE_A_LAG = "motor_viscous_friction"
 """At one pace an inertia's torque that comes late is what viscous friction takes."""
 
 
-def torque_is_late(scorer: Scorer) -> bool:
+def torque_is_late(reduction: Reduction, scorer: Scorer) -> bool:
     """Whether the torque of a motor alone is logged so much later than its position that it has to be known.
 
     Only where that explains nearly all that the bare model misses, and more than viscous friction would: the
@@ -195,8 +195,9 @@ def torque_is_late(scorer: Scorer) -> bool:
     usual = lagging.model.unknowns[place].parameter.typical
     if not (usual < lag < 0.99 * most and lagging.misfit < (1.0 - LAG_SHARE) * bare.misfit):
         return False
-    rubs = [Choice(one) for one in scorer.reduced.layout.effects if one.id == LIKE_A_LAG]
-    rubbing = scorer.score_held_out(scorer.fit_reweighted(rubs, bare))
+    rubs = effect(LIKE_A_LAG)  # also where it is not asked for, or left out of the catalogue
+    beside = Scorer(reduction.refined([rubs]))
+    rubbing = beside.score_held_out(beside.fit_reweighted([Choice(rubs)], bare))
     return rubbing.misfit - lagging.misfit > 2.0 * DECIDING_LOG_ODDS
 
 

@@ -9,6 +9,9 @@ import pytest
 
 from fingerlab.diagnosis import diagnose
 from fingerlab.diagnosis.signals.filters import (
+    BRIDGED,
+    CUT_OUT,
+    UNEVEN,
     at_even_times,
     between_readings,
     bridged,
@@ -90,8 +93,8 @@ def test_samples_that_came_early_or_late_are_taken_at_their_times() -> None:
     most = 0.3 * (2 * np.pi) ** 2 + 0.05 * (14 * np.pi) ** 2
     assert np.abs(found["motor_position"] - at(found["time"])).max() <= 0.125 * 0.0025**2 * most
     # Beyond 0.4 deviations of the first sample's grid: 69 % of it in time, 80 % of it half late.
-    assert 0.68 < counts["time, uneven"] / len(TIME) < 0.81
-    assert counts["time, not bridged"] == pytest.approx(50, abs=2)
+    assert 0.68 < counts[UNEVEN] / len(TIME) < 0.81
+    assert counts[CUT_OUT] == pytest.approx(50, abs=2)
 
 
 def test_times_of_packets_are_not_those_of_their_samples() -> None:
@@ -168,5 +171,5 @@ def test_thirty_lost_samples_cost_no_time() -> None:
     names = {"name": run.name, "phase": run.phase, "cable": run.cable}
     torn = Run.from_arrays(channels, **names, sample_rate_hz=made.RATE, trajectory=run.trajectory)
     segments = list(segments_of(torn, replace(session, runs=(torn,)).rig))
-    assert sum(m.repairs.get("time", 0) for m in segments) == 30
+    assert sum(m.repairs.get(BRIDGED, 0) for m in segments) == 30
     assert sum(len(m.time) - m.lead for m in segments) == pytest.approx(whole, abs=1)

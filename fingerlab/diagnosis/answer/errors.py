@@ -40,7 +40,7 @@ from fingerlab.diagnosis.score.fitted_model import FittedModel, at_found_shapes
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.settings import FULL_ITERATIONS, NARROW_RATE_HZ, Z90
 from fingerlab.diagnosis.signals.conditions import GroupKey, deal_runs, group_key
-from fingerlab.diagnosis.signals.filters import BRIDGED, CUT_OUT, EFFECTIVE_SHARE, HELD
+from fingerlab.diagnosis.signals.filters import BRIDGED, CUT_OUT, EFFECTIVE_SHARE, SPIKE
 from fingerlab.diagnosis.signals.scales import as_recorded
 from fingerlab.effects.base import Row
 from fingerlab.rig.file import changed_words, sources_of
@@ -286,16 +286,14 @@ def _asides(reduction: Reduction, totals: RunTotals, sticking: bool) -> list[Run
     (session, name), run = reduction.runs[number], reduction.analysed[number]
     repairs = reduction.repairs[number]
     bridged, cut = repairs.get(BRIDGED, 0), repairs.get(CUT_OUT, 0)
-    put_right = sum(
-        count for what, count in repairs.items() if what not in (BRIDGED, CUT_OUT) and not what.endswith(HELD)
-    )
+    spikes = sum(count for (how, _), count in repairs.items() if how == SPIKE)
     length = _whole_length(reduction, number)
     whole = NARROW_RATE_HZ * length / run.sample_rate_hz
     shares = (
         ("", "ramp", 1.0 - float(samples) / whole - cut / length),
         ("cable_kinematics", "slack", float(slack) / whole),
         ("", "standstill", float(rest) / whole if sticking else 0.0),
-        ("", "spikes", put_right / length),
+        ("", "spikes", spikes / length),
         ("", "gap", (bridged + cut) / length),
     )
     lasts = _lasts(reduction, number)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
@@ -22,9 +22,10 @@ from fingerlab.diagnosis.settings import (
     REPORTED_SHARE,
     REPORTED_SKEW_S,
     REPORTED_ZERO_DEG,
+    USUAL_LAG_S,
     Z90,
 )
-from fingerlab.diagnosis.signals.filters import BRIDGED, CUT_OUT, HELD, OF_TIME, UNEVEN
+from fingerlab.diagnosis.signals.filters import BRIDGED, CUT_OUT, HELD, SPIKE, UNEVEN, Repair
 from fingerlab.effects import find_effect
 from fingerlab.effects.base import Effect, Row
 from fingerlab.models.file import ParameterEstimate
@@ -46,7 +47,6 @@ def bench_findings(
         *_channels(reduction),
         *_moved(reduction, offsets, reduction.rig),
         *_skew(reduction, last),
-        *_lag(reduction, last),
         *_spikes(reduction),
         *_lost(reduction),
         *_held(reduction),
@@ -70,36 +70,29 @@ def _channels(reduction: Reduction) -> list[BenchFinding]:
 
 
 def _skew(reduction: Reduction, last: FittedModel) -> list[BenchFinding]:
-    """Joint angles that were not read at the instant of the motor's channels."""
-    place = last.model.index.get(DELAY)
-    if place is None or last.model.delayed:
-        return []
-    seconds = reduction.scales.of("s")
-    late, unsure = float(last.fit.values[place]), float(last.fit.deviations[place])
-    if abs(late) < max(REPORTED_SKEW_S, REPORTED_OFFSET * unsure):
-        return []
-    at_least = "at least " if abs(late) >= last.model.high[place] * 0.99 else ""
-    said = (
-        f"The joint angles come {at_least}{_number(abs(late) * seconds * 1e3)} ms "
-        f"{'after' if late > 0 else 'before'} the motor's channels"
-    )
-    advice = "read all channels at one instant, or correct their times"
-    return [BenchFinding("skew", "mcp_angle", late * seconds, "s", (), said, advice)]
-
-
-def _lag(reduction: Reduction, last: FittedModel) -> list[BenchFinding]:
-    """A torque that is logged later than the position of the axis."""
-    place = last.model.index.get(TORQUE_LAG)
-    if place is None:
-        return []
-    seconds, usual = reduction.scales.of("s"), last.model.unknowns[place].parameter.typical
-    late, unsure = float(last.fit.values[place]), float(last.fit.deviations[place])
-    if late < max(usual, REPORTED_OFFSET * unsure):
-        return []
-    at_least = "at least " if late >= last.model.high[place] * 0.99 else ""
-    said = f"The motor's torque comes {at_least}{_number(late * seconds * 1e3)} ms after its position"
-    advice = "log the current before it is filtered, or correct its times"
-    return [BenchFinding("skew", "motor_torque", late * seconds, "s", (), said, advice)]
+    """Joint angles, or the torque of a motor alone, that were read later than the motor's position."""
+    found, seconds = [], reduction.scales.of("s")
+    for key, channel, least, what, than, advice in (
+        (
+            *(DELAY, "mcp_angle", REPORTED_SKEW_S, "The joint angles come", "the motor's channels"),
+            "read all channels at one instant, or correct their times",
+        ),
+        (
+            *(TORQUE_LAG, "motor_torque", USUAL_LAG_S, "The motor's torque comes", "its position"),
+            "log the current before it is filtered, or correct its times",
+        ),
+    ):
+        place = last.model.index.get(key)
+        if place is None or last.model.delayed:
+            continue
+        late, unsure = float(last.fit.values[place]), float(last.fit.deviations[place])
+        if abs(late) < max(least, REPORTED_OFFSET * unsure):
+            continue
+        at_least = "at least " if abs(late) >= last.model.high[place] * 0.99 else ""
+        after = "after" if late > 0 else "before"
+        said = f"{what} {at_least}{_number(abs(late) * seconds * 1e3)} ms {after} {than}"
+        found.append(BenchFinding("skew", channel, late * seconds, "s", (), said, advice))
+    return found
 
 
 def _moved(reduction: Reduction, offsets: Sequence[Offsets], rig: Rig) -> list[BenchFinding]:
@@ -162,15 +155,11 @@ def _moved_words(channel: str, spread: float, most: float, run: str, rig: Rig) -
 def _spikes(reduction: Reduction) -> list[BenchFinding]:
     """Single samples that are no measurements."""
     result = []
-    for channel in _repaired(reduction):
-        if channel.endswith(HELD):
-            continue
-        runs = _with(reduction, channel)
-        count = sum(reduction.repairs[n][channel] for n in runs)
+    for channel in _channels_with(reduction, SPIKE):
+        runs, names, count = _put_right(reduction, (SPIKE, channel))
         if count < LEAST_SPIKES:
             continue
         every = round(sum(reduction.samples[n] for n in runs) / count)
-        names = tuple(reduction.runs[n][1] for n in runs)
         said = (
             f"Channel '{channel}' has {_count(count, 'single spike')} in {_count(len(runs), 'run')}, one in "
             f"{every:,} samples; they are left aside"
@@ -183,19 +172,16 @@ def _spikes(reduction: Reduction) -> list[BenchFinding]:
 def _lost(reduction: Reduction) -> list[BenchFinding]:
     """Samples that were lost, a few at a time or many, or came early or late."""
     result = []
-    for how, said in (
-        (UNEVEN, "taken early or late; all are taken at their times"),
-        (BRIDGED, "lost, a few at a time; the gaps are bridged"),
-        (CUT_OUT, "lost, many at a time; what lies between the gaps is analysed"),
+    for how, kind, said in (
+        (UNEVEN, "uneven_times", "taken early or late; all are taken at their times"),
+        (BRIDGED, "lost_samples", "lost, a few at a time; the gaps are bridged"),
+        (CUT_OUT, "lost_samples", "lost, many at a time; what lies between the gaps is analysed"),
     ):
-        runs = _with(reduction, how)
-        count = sum(reduction.repairs[n][how] for n in runs)
+        runs, names, count = _put_right(reduction, how)
         if count:
             were = "was" if count == 1 else "were"
             sentence = f"{_count(count, 'sample')} of {_count(len(runs), 'run')} {were} {said}"
             advice = "close other programs while you record, or lower the rate"
-            names = tuple(reduction.runs[n][1] for n in runs)
-            kind = "uneven_times" if how == UNEVEN else "lost_samples"
             result.append(BenchFinding(kind, "time", float(count), "samples", names, sentence, advice))
     return result
 
@@ -203,30 +189,28 @@ def _lost(reduction: Reduction) -> list[BenchFinding]:
 def _held(reduction: Reduction) -> list[BenchFinding]:
     """Channels that are logged more often than they are read."""
     result = []
-    for channel in _repaired(reduction):
-        if not channel.endswith(HELD):
-            continue
-        name, runs = channel.removesuffix(HELD), _with(reduction, channel)
-        count = sum(reduction.repairs[n][channel] for n in runs)
+    for channel in _channels_with(reduction, HELD):
+        runs, names, count = _put_right(reduction, (HELD, channel))
         every = sum(reduction.analysed[n].length for n in runs)
         said = (
-            f"Channel '{name}' is logged more often than it is read: of {every:,} samples in "
+            f"Channel '{channel}' is logged more often than it is read: of {every:,} samples in "
             f"{_count(len(runs), 'run')} {count:,} only repeat the one before; it is taken at its readings"
         )
         advice = "read it with each sample, or log no faster than it is read"
-        names = tuple(reduction.runs[n][1] for n in runs)
-        result.append(BenchFinding("held", name, float(count), "samples", names, said, advice))
+        result.append(BenchFinding("held", channel, float(count), "samples", names, said, advice))
     return result
 
 
-def _repaired(reduction: Reduction) -> list[str]:
-    """Names under which samples of channels were counted that were put right."""
-    return sorted({name for found in reduction.repairs.values() for name in found} - {*OF_TIME})
+def _channels_with(reduction: Reduction, how: str) -> list[str]:
+    """Channels of which samples were put right in this way."""
+    return sorted({name for found in reduction.repairs.values() for way, name in found if way == how})
 
 
-def _with(reduction: Reduction, channel: str) -> list[int]:
-    found: Mapping[int, Mapping[str, int]] = reduction.repairs
-    return [n for n in sorted(found) if found[n].get(channel)]
+def _put_right(reduction: Reduction, what: Repair) -> tuple[list[int], tuple[str, ...], int]:
+    """Numbers and names of the runs in which this was put right, and how many samples."""
+    runs = [n for n in sorted(reduction.repairs) if reduction.repairs[n].get(what)]
+    names = tuple(reduction.runs[n][1] for n in runs)
+    return runs, names, sum(reduction.repairs[n][what] for n in runs)
 
 
 def _count(number: int, what: str) -> str:

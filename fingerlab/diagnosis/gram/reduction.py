@@ -36,6 +36,7 @@ from fingerlab.diagnosis.signals.conditions import (
     with_interventions,
 )
 from fingerlab.diagnosis.signals.contradictions import Facts, check_channels
+from fingerlab.diagnosis.signals.filters import Repair
 from fingerlab.diagnosis.signals.scales import Scales, as_recorded, find_scales, reduced_sessions
 from fingerlab.diagnosis.signals.segments import Senses, check_senses, segments_of
 from fingerlab.effects.base import Effect, Shape
@@ -58,7 +59,7 @@ class Reduction:
         settled: whether they were looked for.
         late_torque: whether the torque of a motor alone was found to be logged later than its position.
         held: values that somebody holds unknowns of every model at, by key, SI.
-        repairs: samples that were put right, by number of the run and channel; samples: that it has.
+        repairs: samples that were put right, by number of the run, how and channel; samples: that it has.
     """
 
     def __init__(
@@ -80,7 +81,7 @@ class Reduction:
         self.settled = False
         self.late_torque = False
         self.held: Mapping[str, float] = {}
-        self.repairs: dict[int, Mapping[str, int]] = {}
+        self.repairs: dict[int, Mapping[Repair, int]] = {}
         self.samples: dict[int, float] = {}
         self._forget()
 

@@ -412,7 +412,7 @@ class RunSums:
     """Where no motion comes again: see ``state_law``, one for each block."""
     cycles: list[Cycle] = field(default_factory=list)
     """Of every stretch that repeats."""
-    repairs: Counter[str] = field(default_factory=Counter)
+    repairs: Counter[tuple[str, str]] = field(default_factory=Counter)
     samples: float = 0.0
 
     def add(self, part: Part) -> None:

@@ -43,21 +43,18 @@ from fingerlab.diagnosis.settings import (
 )
 from fingerlab.sessions.model import Array
 
-BRIDGED = "time"
-"""Under this name the samples are counted that were lost and bridged."""
-CUT_OUT = "time, not bridged"
-"""Under this one those of gaps too long for that, between which a run is analysed piece by piece."""
-
-UNEVEN = "time, uneven"
-"""Under this one those that came early or late, where all are taken at their times."""
-OF_TIME = (BRIDGED, CUT_OUT, UNEVEN)
-HELD = ", held"
-"""Under a channel's name and this those are counted that only repeat the last reading."""
+Repair = tuple[str, str]
+"""What was put right, and the channel: samples are counted by both."""
+SPIKE, HELD = "spike", "held"
+"""Of a channel: single samples that are no measurements, and those that only repeat the last reading."""
+BRIDGED, CUT_OUT, UNEVEN = ("bridged", "time"), ("cut out", "time"), ("uneven", "time")
+"""Of the time: samples that were lost and bridged, those of gaps too long for that, between which a run is
+analysed piece by piece, and those that came early or late, where all are taken at their times."""
 
 
 def at_even_times(
     samples: Mapping[str, Array], rate: float, lead: int
-) -> tuple[dict[str, Array], dict[str, int]]:
+) -> tuple[dict[str, Array], dict[Repair, int]]:
     """The samples on an even grid of times, where they were not taken evenly; and how many that concerns.
 
     Times that a log holds may be those at which a sample was taken, or at which a packet of them came. They
@@ -78,13 +75,13 @@ def at_even_times(
     every = np.arange(int(place[-1]) + 1)
     gaps = np.rint(steps) > max(int(LONGEST_BRIDGE_S * rate), 1) + 1
     cut = gaps[np.minimum(np.searchsorted(place, every, side="right") - 1, len(gaps) - 1)]
-    every, cut_out = every[~cut | np.isin(every, place)], int(cut.sum())
+    cut_out, every = int(np.count_nonzero(cut & (every >= lead))), every[~cut]
     found = {name: np.interp(every, place, values) for name, values in samples.items()}
     behind = place[place >= lead]
     off = np.abs(behind - np.rint(behind)) > REPORTED_JITTER
     bridged_ones = int(np.count_nonzero(every >= lead)) - len(behind)
     counts = {BRIDGED: max(bridged_ones, 0), UNEVEN: int(off.sum()), CUT_OUT: cut_out}
-    return found | {"time": time[0] + every / rate}, {name: count for name, count in counts.items() if count}
+    return found | {"time": time[0] + every / rate}, {what: count for what, count in counts.items() if count}
 
 
 def _straighter(position: Array, place: Array) -> bool:
@@ -114,12 +111,12 @@ def bridged(samples: Mapping[str, Array], rate: float) -> tuple[dict[str, Array]
     return {name: np.interp(every, place, values) for name, values in samples.items()}, int(lost.sum())
 
 
-def lost(time: Array, rate: float) -> dict[str, int]:
+def lost(time: Array, rate: float) -> dict[Repair, int]:
     """Samples that a stretch of time, s, (n,), lacks: those that are bridged, and those of longer gaps."""
     missing = np.rint(np.diff(time) * rate).astype(int) - 1
     short = missing <= max(int(LONGEST_BRIDGE_S * rate), 1)
     counts = {BRIDGED: missing[short & (missing > 0)].sum(), CUT_OUT: missing[~short].sum()}
-    return {name: int(count) for name, count in counts.items() if count}
+    return {what: int(count) for what, count in counts.items() if count}
 
 
 def without_spikes(values: Array) -> tuple[Array, Array]:
@@ -128,7 +125,7 @@ def without_spikes(values: Array) -> tuple[Array, Array]:
         return values, NONE
     bend = np.abs(values[1:-1] - 0.5 * (values[2:] + values[:-2]))
     middle = len(bend) // 2
-    scale = max(1.4826 * float(np.partition(bend, middle)[middle]), _step(values))
+    scale = max(1.4826 * float(np.partition(bend, middle)[middle]), smallest_step(values))
     suspects = np.flatnonzero(bend > 0.5 * LEAST_SPIKE * scale) + 1
     if not len(suspects) or not scale > 0:
         return values, NONE
@@ -211,7 +208,7 @@ SAME_SIZE = 0.05
 NONE = np.zeros(0, dtype=int)
 
 
-def _step(values: Array) -> float:
+def smallest_step(values: Array) -> float:
     """The step in which a channel is read: its smallest change, where it often does not change at all."""
     changes = np.abs(np.diff(values))
     return float(changes.min(where=changes > 0, initial=np.inf)) if (changes > 0).any() else 0.0

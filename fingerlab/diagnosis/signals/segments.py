@@ -32,6 +32,7 @@ from fingerlab.diagnosis.settings import (
 from fingerlab.diagnosis.signals.conditions import BENCH_CHANNELS, CHANGE, FINGER_CHANNELS
 from fingerlab.diagnosis.signals.filters import (
     HELD,
+    SPIKE,
     at_even_times,
     at_wide_rate,
     between_readings,
@@ -41,6 +42,7 @@ from fingerlab.diagnosis.signals.filters import (
     is_wide_rate,
     lost,
     readings_of,
+    smallest_step,
     usual_wait,
     without_spikes,
 )
@@ -105,6 +107,7 @@ def _without_gaps(run: Run, rig: Rig, start: int, stop: int, on_bench: bool, lea
     extra = "load_torque" if on_bench else "endpoint_force" if run.phase == "contact" else ""
     names += [extra] if run.has(extra) else []
     samples = run.load(["time", *names], start - lead, stop)  # the file is opened once
+    step = smallest_step(samples["motor_position"][lead:])  # of the encoder, not of what is put between
     samples, uneven = at_even_times(samples, run.sample_rate_hz, lead)
     # What is missing before the start was counted with the stretch before this.
     missing = uneven or lost(samples["time"][0 if anew else max(lead - 1, 0) :], run.sample_rate_hz)
@@ -117,12 +120,11 @@ def _without_gaps(run: Run, rig: Rig, start: int, stop: int, on_bench: bool, lea
             if name != "endpoint_force":
                 _check_numbers(run, name, mine[name], start - lead + piece.start)
             mine[name], spikes, held = _repaired(mine[name], run.sample_rate_hz, its_lead)
-            repairs |= {name + HELD: held} if held else {}
+            repairs |= {(HELD, name): held} if held else {}
             spikes = spikes[spikes >= its_lead]
-            repairs |= {name: len(spikes)} if len(spikes) else {}
+            repairs |= {(SPIKE, name): len(spikes)} if len(spikes) else {}
             spiked |= set(spikes.tolist())
         motion = _motion(run, rig, start - lead + piece.start, mine, on_bench, its_lead)
-        step = _smallest_step(samples["motor_position"][piece][its_lead:])
         at = (start - lead + piece.start + np.array(sorted(spiked), dtype=float)) / run.sample_rate_hz
         later = float(mine["time"][0] - samples["time"][0]) - piece.start / run.sample_rate_hz
         later = later if piece.start else 0.0
@@ -229,12 +231,6 @@ def _check_numbers(run: Run, name: str, values: Array, first: int) -> None:
             f"Run {run.name}, channel '{name}' holds a value that is not a number at sample {bad}; "
             "only endpoint_force may, where no load cell was read."
         )
-
-
-def _smallest_step(values: Array) -> float:
-    """Smallest change from sample to sample: the step of an encoder, next to nothing without one."""
-    changes = np.abs(np.diff(values))
-    return float(np.min(changes, where=changes > 0, initial=np.inf)) if np.any(changes > 0) else 0.0
 
 
 def _drive_sign(torque: Array, motion: Array) -> float:
