@@ -109,16 +109,17 @@ def _share(hits: Sequence[bool]) -> str:
 
 def markdown(entries: Sequence[Entry], command: str) -> str:
     """The page."""
+    seeds = list(dict.fromkeys(e["seed"] for e in entries))
+    by_seed = [figures([e for e in entries if e["seed"] == seed]) for seed in seeds]
+    counted = [(of_each[0][0], *(value for _, value in of_each)) for of_each in zip(*by_seed, strict=True)]
     lines = [
         "# A wrong effect in the model", "", f"Made by `{command}`.",
         "Each bench has one effect, at 0.6 to 1.6 times its default strength. Each of its two nearest",
         "relatives is put into the model in its place, and then the effect itself. Whole models are compared",
         "on the same held-out runs: where one with an effect exchanged is better, the answer says so, and",
         "offers it. What these data could not have shown (`distal_rotation`) is in the set then.", "",
-        "On other benches (seed 301) it was 7 of 65: two of `distal_rotation`, three whose relative is",
-        "a wider law of the same kind and leaves 1.04 to 1.10 floors, and two of a leaning contact force",
-        "that an error of the load cell or another routing takes to 1.12. In 60 the truth was offered.", "",
-        "| what | figure |", "|---|---|", *(f"| {what} | {value} |" for what, value in figures(entries)), "",
+        f"| what | {' | '.join(f'seed {seed}' for seed in seeds)} |", "|---" * (1 + len(seeds)) + "|",
+        *(f"| {' | '.join((what, *values))} |" for what, *values in counted), "",
         "| in the bench | added | error, floors | verdict | better model | its error |",
         "|---|---|---|---|---|---|",
     ]  # fmt: skip
