@@ -25,21 +25,28 @@ def entry(effect: str, added: str, verdict: str, better: str) -> dict[str, Any]:
     return {"effect": effect, "added": added, "better": told, **known}
 
 
+def seeds() -> list[str]:
+    return list(dict.fromkeys(seed for seed, *_ in rows(7)))
+
+
 def test_each_effect_is_tried_with_its_two_relatives_and_itself() -> None:
-    added: dict[str, list[str]] = {}
-    for effect, one, *_ in rows(6):
-        added.setdefault(effect, []).append(one)
-    assert len(added) >= 14
-    assert added == {effect: [*wrong_additions.relatives(effect), effect] for effect in added}
+    for of in seeds():
+        added: dict[str, list[str]] = {}
+        for seed, effect, one, *_ in rows(7):
+            if seed == of:
+                added.setdefault(effect, []).append(one)
+        assert len(added) >= 14
+        assert added == {effect: [*wrong_additions.relatives(effect), effect] for effect in added}
 
 
 def test_the_figures_count_the_rows() -> None:
-    entries = [entry(effect, added, verdict, better) for effect, added, _, verdict, better, _ in rows(6)]
-    counted, printed = dict(wrong_additions.figures(entries)), dict(rows(2))
-    assert set(counted) == set(printed)
-    named = (
-        "wrong effect added: the truth named or offered in exchange"  # rows do not tell all that is offered
-    )
-    least, most = (int(one[named].split()[0]) for one in (counted, printed))
-    assert 0 < least <= most
-    assert {**counted, named: printed[named]} == printed
+    for place, of in enumerate(seeds(), start=1):
+        mine = [row[1:] for row in rows(7) if row[0] == of]
+        entries = [entry(effect, added, verdict, better) for effect, added, _, verdict, better, _ in mine]
+        counted = dict(wrong_additions.figures(entries))
+        printed = {row[0]: row[place] for row in rows(1 + len(seeds()))}
+        assert set(counted) == set(printed)
+        named = "wrong effect added: the truth named or offered in exchange"  # rows do not tell all offered
+        least, most = (int(one[named].split()[0]) for one in (counted, printed))
+        assert 0 < least <= most
+        assert {**counted, named: printed[named]} == printed

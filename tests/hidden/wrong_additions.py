@@ -120,12 +120,14 @@ def markdown(entries: Sequence[Entry], command: str) -> str:
         "offers it. What these data could not have shown (`distal_rotation`) is in the set then.", "",
         f"| what | {' | '.join(f'seed {seed}' for seed in seeds)} |", "|---" * (1 + len(seeds)) + "|",
         *(f"| {' | '.join((what, *values))} |" for what, *values in counted), "",
-        "| in the bench | added | error, floors | verdict | better model | its error |",
-        "|---|---|---|---|---|---|",
+        "| seed | in the bench | added | error, floors | verdict | better model | its error |",
+        "|---|---|---|---|---|---|---|",
     ]  # fmt: skip
     for e in entries:
         if "failed" in e:
-            lines.append(f"| {e['effect']} | {e['added']} | - | failed: {e['failed'][:60]} | - | - |")
+            lines.append(
+                f"| {e['seed']} | {e['effect']} | {e['added']} | - | failed: {e['failed'][:60]} | - | - |"
+            )
             continue
         gone, came, score = e["better"] or ([], [], None)
         better = f"{' + '.join(came)} for {' + '.join(gone)}" if came else "-"
@@ -133,7 +135,8 @@ def markdown(entries: Sequence[Entry], command: str) -> str:
         if e["verdict"] == "missing_effect" and not came:
             verdict += f": {' + '.join(e['path']) or ', '.join(e['set'])}"
         told = "-" if score is None else f"{score:.2f}"
-        lines.append(f"| {e['effect']} | {e['added']} | {e['score']:.2f} | {verdict} | {better} | {told} |")
+        said = f"{e['score']:.2f} | {verdict} | {better} | {told}"
+        lines.append(f"| {e['seed']} | {e['effect']} | {e['added']} | {said} |")
     return "\n".join(lines) + "\n"
 
 
