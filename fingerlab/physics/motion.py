@@ -63,9 +63,7 @@ class Motion:
         0,
         0,
     )  # number of that change among those of the sessions (0: none), and theirs
-    repairs: Mapping[tuple[str, str], int] = field(
-        default_factory=dict
-    )  # samples, by how and channel
+    repairs: Mapping[tuple[str, str], int] = field(default_factory=dict)  # samples, by how and channel
     repaired_at: Array = field(default_factory=lambda: np.zeros(0))  # s, where spikes were, in any channel
     _memory: dict[object, Array] = field(default_factory=dict, repr=False, compare=False)
 

@@ -33,7 +33,8 @@ from tests.hidden.kept import KeptResults
 from tests.hidden.sweep.running import simulate
 
 PAGE = Path("docs/tutorials/thesis.md")
-WANTED = {"kind": "sine", "mean_n": 0.33, "amplitude_n": 0.12, "frequency_hz": 0.5, "duration_s": 8.0}
+MEAN_N, AMPLITUDE_N = 0.33, 0.12
+WANTED = {"kind": "sine", "mean_n": MEAN_N, "amplitude_n": AMPLITUDE_N, "frequency_hz": 0.5, "duration_s": 8}
 """N: what the fingertip presses with in the thesis' contact runs, up to a little beyond."""
 PAIRS = 3
 
@@ -82,7 +83,7 @@ def send(model: Path, taken: Path, seed: int) -> None:
     done = CliRunner().invoke(
         cli,
         [
-            "record", "--feed-forward", str(model), "--wanted", json.dumps(WANTED), "--force", "0.33",
+            "record", "--feed-forward", str(model), "--wanted", json.dumps(WANTED), "--force", str(MEAN_N),
             "--ab", str(PAIRS), "--device", "simulated", "--preset", AS_BUILT, "--seed", str(seed), "--yes",
             "--out", str(taken),
         ],
@@ -126,7 +127,10 @@ def markdown(rows: list[dict[str, Any]], command: str) -> str:
         first_score=first["path"][0][1],
         last_score=first["path"][-1][1],
         steps="\n".join(steps),
-        wanted=json.dumps({**WANTED, "duration_s": 8}),
+        wanted=json.dumps(WANTED),
+        mean=MEAN_N,
+        low=MEAN_N - AMPLITUDE_N,
+        high=MEAN_N + AMPLITUDE_N,
         pairs=PAIRS,
         sentences="\n".join(f"> {sentence}\n>" for sentence in first["sentences"]).removesuffix("\n>"),
         benches="\n".join(map(_bench, rows)),

@@ -415,9 +415,8 @@ class ForceTrial:
         radius = self.rig.motor.pulley_radius or math.inf
         compliance = max(self.model.extended.values.get("cable_compliance", 0.0), 0.0)
         stretch = compliance * max(float(plan.torque.max()) - torque, 0.0) / radius**2
-        furthest = min(position + stretch, self.rig.limits.position_high)
-        return min(
-            float(np.degrees(furthest)) + FURTHER_DEG, float(np.degrees(self.rig.limits.position_high))
+        return float(
+            min(np.degrees(position + stretch) + FURTHER_DEG, np.degrees(self.rig.limits.position_high))
         )
 
     def _force_attributes(self) -> dict[str, Any]:
