@@ -418,8 +418,9 @@ DOUBTED = 0.05
 effects keep where a path leaves so much; assumed: of blind trials with such a path, 20 in 22 lacked something
 that had been left out of the catalogue."""
 UNEXPLAINED, UNEXPLAINED_SHARE = 2.0, 0.1
-"""A path leaves too much from this squared score above one on, if that is also this share of what was missed:
-it did in 20 of 101 trials whose effect had been left out of the catalogue, and in 2 of 422 of the others."""
+"""A path leaves too much from this squared score above one on, if that is also this share of what was missed,
+divided by the effects in it: it did in 20 of 101 trials whose effect had been left out of the catalogue, and
+in 2 of 422 of the others; of two effects and more in 2 of 19 and in none of 70."""
 
 # ## What could not show
 

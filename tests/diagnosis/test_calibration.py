@@ -65,6 +65,18 @@ def test_sharpness_is_a_power_of_the_odds() -> None:
     assert more.probabilities(odds, left=math.e)[2] == pytest.approx(share / 3, abs=1e-6)
 
 
+def test_what_stands_in_place_of_a_given_effect_keeps_the_odds_of_whole_models() -> None:
+    """Whatever trials say of effects beside a model: three models in four are the one as given."""
+    rest, instead = np.array([0.1, 0.0, 0.05]), np.array([0.0, 0.25, 0.0])
+    odds = Odds(EFFECTS, rest, np.zeros(3), 0.55, 0.05, instead)
+    quiet = ProbabilityMap(verdict=0.5, quiet=-3.0, verdict_lapse=-1.0, lapse=-700.0)
+    beside = quiet.probabilities(Odds(EFFECTS, rest, np.zeros(3), 0.55, 0.05))
+    assert quiet.probabilities(odds) == pytest.approx(0.75 * beside + [0.0, 0.25, 0.0, 0.0, 0.0])
+    # Where in every second session no law is the bench's, half as much stands for the exchange.
+    lapses = quiet.probabilities(odds) - replace(quiet, lapse=0.0).probabilities(odds)
+    assert lapses[1] > 0.1
+
+
 def test_nothing_to_try_leaves_the_two_answers_that_are_no_effect() -> None:
     told = PLAIN.probabilities(Odds((), np.zeros(0), np.zeros(0), 0.75, 0.25))
     assert told == pytest.approx([0.75, 0.25])

@@ -33,6 +33,11 @@ def test_a_model_three_times_as_likely_takes_three_quarters() -> None:
     assert after.probabilities.sum() + after.nothing + after.unknown == pytest.approx(1.0)
     assert after.verdict == "missing_effect"
     assert after.best.last_effect.id == "stribeck_friction"
+    instead = after.odds.instead
+    assert instead is not None
+    assert instead[place] == pytest.approx(0.75)
+    assert instead.sum() + after.odds.found.sum() + after.nothing + after.unknown == pytest.approx(1.0)
+    assert before.odds.instead is None
 
 
 def test_two_models_as_likely_as_the_one_given_leave_it_a_third() -> None:
@@ -70,6 +75,14 @@ def test_no_effect_is_missing_where_a_path_leaves_a_tenth_of_ten_floors(left: fl
     evidence = judge(at_score(10.0), [best, at_score(10.0, "viscous_friction")])
     assert evidence.verdict == "missing_effect"
     assert with_lack_of_fit(evidence, best).verdict == verdict
+
+
+@pytest.mark.parametrize(("others", "verdict"), [(0, "missing_effect"), (1, "not_in_catalogue")])
+def test_what_two_effects_leave_may_be_half_as_much(others: int, verdict: str) -> None:
+    """Three of ten floors are a twelfth of the square."""
+    evidence = judge(at_score(10.0), [at_score(3.0, "backlash")])
+    path = [*["viscous_friction"][:others], "backlash"]
+    assert with_lack_of_fit(evidence, at_score(3.0, *path)).verdict == verdict
 
 
 def test_an_exchange_is_told_with_its_figures() -> None:

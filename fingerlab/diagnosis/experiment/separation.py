@@ -376,6 +376,7 @@ class Outlook:
 
 
 def outlook(evidence: Evidence, usual: SessionFeatures) -> Outlook:
-    """As it stands."""
+    """As it stands; a run tells effects apart whether one is missing or stands in place of a given one."""
     table = calibration()
-    return Outlook(evidence.odds, usual[0].get("left", 1.0), table.widening(*usual)[0], table)
+    odds = replace(evidence.odds, found=evidence.probabilities, instead=None)
+    return Outlook(odds, usual[0].get("left", 1.0), table.widening(*usual)[0], table)

@@ -50,6 +50,7 @@ class Odds:
     Attributes:
         effects: ids. found: probability of each that it is missing and seen, (effects,).
         hidden: that it is there and could not show, (effects,). nothing, unknown: of the other answers.
+        instead: that it stands in place of one of the model as given, (effects,); None: of none.
     """
 
     effects: tuple[str, ...]
@@ -57,6 +58,7 @@ class Odds:
     hidden: Array
     nothing: float
     unknown: float
+    instead: Array | None = None
 
     @property
     def answers(self) -> tuple[str, ...]:
@@ -108,6 +110,9 @@ class ProbabilityMap:
     def probabilities(self, odds: Odds, left: float = 1.0, widening: float = 1.0) -> Array:
         """Probability of each of ``odds.answers``.
 
+        What the trials say is of an effect beside a model. Whether one stands in place of a given effect is
+        told by the odds of whole models, but for the share of trials in which the law was not the bench's.
+
         Args:
             left: error that the path leaves, in floors. widening: divides the log odds of verdict and effect.
         """
@@ -132,7 +137,13 @@ class ProbabilityMap:
         among += lapse * _softmax(self.blunt / widening * found)
         unseen = _softmax(np.array([*(hidden + self.hidden), nothing]))
         effects = shares[0] * among + shares[1] * unseen[:-1]
-        return np.array([*effects, shares[1] * unseen[-1], shares[2]])
+        beside = np.array([*effects, shares[1] * unseen[-1], shares[2]])
+        if odds.instead is None:
+            return beside
+        instead = (1.0 - lapse) * odds.instead
+        beside *= 1.0 - instead.sum()
+        beside[: len(instead)] += instead
+        return beside
 
 
 def _logs(values: Array) -> Array:

@@ -75,6 +75,8 @@ class Evidence:
     """Misfit of each value that the best candidate left when all were judged; later one may fit closer."""
     undetected: Array = field(default_factory=lambda: np.zeros(0))
     """Probabilities of effects that are not found because they could not show, (candidates,)."""
+    instead: Array = field(default_factory=lambda: np.zeros(0))
+    """Share of each probability that its effect stands in place of a given one, (candidates,); (0,): none."""
     factors: Array = field(default_factory=lambda: np.zeros(0))
     """How much likelier the data are with each effect at a plausible strength than without, (candidates,)."""
 
@@ -93,7 +95,10 @@ class Evidence:
         """The same as plain numbers, to be set against trials."""
         effects = tuple(t.last_effect.id for t in self.candidates)
         hidden = self.undetected if len(self.undetected) else np.zeros(len(effects))
-        return Odds(effects, self.probabilities, hidden, self.nothing, self.unknown)
+        if not len(self.instead):
+            return Odds(effects, self.probabilities, hidden, self.nothing, self.unknown)
+        instead = self.instead * self.probabilities
+        return Odds(effects, self.probabilities - instead, hidden, self.nothing, self.unknown, instead)
 
     @property
     def best(self) -> FittedModel:
@@ -261,8 +266,8 @@ def with_rivals(evidence: Evidence, log_odds: Mapping[str, float]) -> Evidence:
         return evidence
     shares = shares_of_rivals(log_odds)
     kept = 1.0 - sum(shares.values())
-    exchanged = np.array([shares.get(t.last_effect.id, 0.0) for t in evidence.candidates])
-    probabilities = kept * evidence.probabilities + exchanged
+    instead = np.array([shares.get(t.last_effect.id, 0.0) for t in evidence.candidates])
+    probabilities = kept * evidence.probabilities + instead
     odds = np.log(np.maximum(probabilities, LEAST_PROBABILITY))
     return replace(
         evidence,
@@ -270,6 +275,7 @@ def with_rivals(evidence: Evidence, log_odds: Mapping[str, float]) -> Evidence:
         log_odds=odds - odds.max(),
         nothing=kept * evidence.nothing,
         unknown=kept * evidence.unknown,
+        instead=instead / np.maximum(probabilities, LEAST_PROBABILITY),
     )
 
 
@@ -290,7 +296,9 @@ def with_lack_of_fit(evidence: Evidence, last: FittedModel) -> Evidence:
     if evidence.verdict == "nothing_missing" and lacking:
         nothing = DOUBTED * evidence.nothing
         return replace(evidence, nothing=nothing, unknown=evidence.unknown + evidence.nothing - nothing)
-    far = lacks_fit(last, UNEXPLAINED) and last.misfit > UNEXPLAINED_SHARE * evidence.base.misfit
+    # Each effect more takes its part of whatever is missing, so that less may be left by many.
+    steps = max(len(last.choices) - len(evidence.base.choices), 1)
+    far = lacks_fit(last, UNEXPLAINED) and last.misfit > UNEXPLAINED_SHARE / steps * evidence.base.misfit
     if evidence.verdict == "missing_effect" and far:
         taken = (1.0 - DOUBTED) * float(evidence.probabilities.sum())
         return replace(

@@ -211,10 +211,11 @@ def _exchanged(
     near = [climb_grid(scorer, one) for one in tried if one.fit.cost < own.fit.cost + RIVAL_SHARE * gained]
     rivals: list[Rival] = []
     for one in sorted((one for one in near if one.fit.cost < beyond), key=lambda one: one.fit.cost):
-        found, by = one, scorer
-        if len(rivals) < CLOSER_RIVALS and can_refine([one.choices[-1]]):
+        found, by, closer = one, scorer, len(rivals) < CLOSER_RIVALS and can_refine([one.choices[-1]])
+        if closer:
             by, found = refine_last(reduction, one, watch)
-        if found.fit.cost < reach:
+        # What was looked at closely is judged by runs held out: the cost in sample is for more parameters.
+        if closer or found.fit.cost < reach:
             name = one.last_effect.id
             rivals.append(Rival(own.last_effect.id, (name,), (by.score_held_out(found),), by))
     return rivals
