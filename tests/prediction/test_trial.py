@@ -12,8 +12,14 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from fingerlab.acquisition.protocols.force_trial import furthest_position_deg
 from fingerlab.cli.main import cli
 from fingerlab.core.errors import UserError
+from fingerlab.models.file import load_model
+from fingerlab.prediction.extended import extended_model
+from fingerlab.prediction.feed_forward import first_plan
+from fingerlab.prediction.inverse import TorquePlan, needed_torque
+from fingerlab.prediction.target import pose_of_run, wanted_force
 from fingerlab.prediction.trial import Trial, analyse_trial
 from fingerlab.report.trial import rest_sentence, share_sentence, trial_sentence
 from fingerlab.rig.file import Motor, Rig
@@ -149,6 +155,38 @@ def test_on_the_simulated_rig_the_error_falls(model: Path, tmp_path: Path) -> No
     assert told["ratio"]["value"] < 0.5
     assert told["found"]["rms"] < 0.02  # N; the load cell's noise, low-passed, is 2 mN
     assert told["ratio"]["interval"]["low"] is None
+
+    _first_torque_is_the_lesser(model, session)
+
+
+def _first_torque_is_the_lesser(model: Path, session: Session) -> None:
+    """A nominal model that asks for a multiple presses too hard; one that asks for less shows the contact."""
+    pair = extended_model(load_model(model), "M.json")
+    pose, wish = pose_of_run(session.runs[0]), wanted_force(json.dumps(WISH))
+
+    def most(plan: TorquePlan) -> float:
+        return float(plan.torque.max())
+
+    nominal, found = (
+        most(needed_torque(wish, one, pose, session.rig, "M.json")) for one in (pair.nominal, pair.extended)
+    )
+    assert abs(found / nominal - 1.0) > 0.02
+    for both in (pair, replace(pair, nominal=pair.extended, extended=pair.nominal)):
+        assert most(first_plan(wish, both, pose, session.rig, "M.json")) == pytest.approx(min(nominal, found))
+
+
+@pytest.mark.parametrize(("compliance", "torque", "degrees"), [
+    (0.0, 0.3, 35.0),  # 20 degrees reached, and 15 more
+    (1e-4, 0.3, 35.0 + math.degrees(1e-4 * 0.2 / 0.015**2)),  # a cable gives C T / r^2 radians
+    (1e-4, 0.05, 35.0),  # less torque than before
+    (1e-4, 50.0, 160.0),  # the rig's limit
+])  # fmt: skip
+def test_the_pulley_may_go_as_much_further_as_the_found_cable_gives(
+    compliance: float, torque: float, degrees: float
+) -> None:
+    motor = Motor(torque_constant=0.0302, gear_ratio=4.3, pulley_radius=0.015, inertia=None)
+    told = furthest_position_deg(math.radians(20.0), 0.1, torque, compliance, Rig(None, motor))
+    assert told == pytest.approx(degrees)
 
 
 def test_it_ends_where_the_force_is_beyond_what_was_allowed(

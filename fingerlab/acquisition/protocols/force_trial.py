@@ -90,6 +90,21 @@ WORSE = 2.0
 doubted (assumed: by chance a good model does not)."""
 
 
+def furthest_position_deg(
+    position: float, torque: float, most_torque: float, compliance: float, rig: Rig
+) -> float:
+    """Where a run ends because the pulley has turned too far, deg; what the found cable gives is no slip.
+
+    Args:
+        position: rad, where the pulley stood furthest before, under ``torque`` (N m).
+        most_torque: N m, the highest to come. compliance: m/N, of the found model's cable.
+    """
+    radius = rig.motor.pulley_radius or math.inf
+    stretch = max(compliance, 0.0) * max(most_torque - torque, 0.0) / radius**2
+    furthest = min(position + stretch + math.radians(FURTHER_DEG), rig.limits.position_high)
+    return math.degrees(furthest)
+
+
 @dataclass(frozen=True)
 class TrialSettings:
     """What is asked for.
@@ -407,17 +422,9 @@ class ForceTrial:
 
     def _bounded(self, plan: TorquePlan) -> Mapping[str, Any]:
         force = min(HARDER * float(self.wanted.force.max()) + HARDER_N, self.rig.limits.force)
-        return {**plan.trajectory(), MOST_FORCE: force, MOST_POSITION: self._furthest_deg(plan)}
-
-    def _furthest_deg(self, plan: TorquePlan) -> float:
-        """Where a run ends because the pulley has turned too far: what the found cable gives is no slip."""
-        position, torque = self._reached
-        radius = self.rig.motor.pulley_radius or math.inf
-        compliance = max(self.model.extended.values.get("cable_compliance", 0.0), 0.0)
-        stretch = compliance * max(float(plan.torque.max()) - torque, 0.0) / radius**2
-        return float(
-            min(np.degrees(position + stretch) + FURTHER_DEG, np.degrees(self.rig.limits.position_high))
-        )
+        compliance = self.model.extended.values.get("cable_compliance", 0.0)
+        furthest = furthest_position_deg(*self._reached, float(plan.torque.max()), compliance, self.rig)
+        return {**plan.trajectory(), MOST_FORCE: force, MOST_POSITION: furthest}
 
     def _force_attributes(self) -> dict[str, Any]:
         """The wanted force with each run, 50 points a second: the file needs no other beside it."""
