@@ -122,7 +122,7 @@ def diagnose(
     # Small matrices: several threads of linear algebra only get in each other's way.
     with threadpool_limits(limits=1, user_api="blas"):
         reduction = kept or Reduction(sessions, executor)
-        reduction.held = dict(held or {})
+        reduction.restart(held)
         catalogue = reduction.suited(catalogue)
         reduction.begin(catalogue, stages.part(0.0, 0.2), read=bool(given))
         if given:
@@ -171,10 +171,9 @@ def settle_constants(reduction: Reduction, scorer: Scorer) -> Scorer:
     if reduction.constants is None and not reduction.settled:
         free = Scorer(replace(scorer.reduced, held={})) if scorer.reduced.held else scorer
         bare, rig = free.bare, reduction.sessions[0].rig
-        reduction.constants = find_constants(
-            scorer.reduced, bare.model, bare.fit.values, bare.weights, rig, reduction.motions
+        reduction.settle(
+            find_constants(scorer.reduced, bare.model, bare.fit.values, bare.weights, rig, reduction.motions)
         )
-        reduction.settled = True
     return scorer if reduction.constants is None else scorer.with_constants(reduction.constants)
 
 
@@ -320,6 +319,7 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
         predicted=None if following is None else following.predicted,
         paired=_paired(question.reduction, scorer, evidence, chosen),
         held=dict(reduction.held),
+        constants=reduction.constants,
         fitted=evidence.base,
         last=path[-1],
         bench=bench_findings(reduction, path[-1], by_last.run_offsets(path[-1])),

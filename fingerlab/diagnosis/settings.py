@@ -55,6 +55,11 @@ LAG_SHARE = 0.9
 explains a fifth at most, and viscous friction of a light touch three quarters."""
 USUAL_INERTIA = 2e-4
 """Inertia of a rotor, gearbox and pulley of which nothing is known, kg m^2; assumed: the bench's order."""
+ROTOR_SPREAD = 5e-5
+"""Of it what every model of a finger takes up unsaid where the rig gives no inertia, one standard deviation,
+kg m^2; assumed: a quarter, so that a rotor which matters is an effect that is missing."""
+EXACT = 1e-6
+"""Least tolerance that a fit knows: a constant that the rig file gives with none is held to a millionth."""
 WIDE_RATE_HZ = 250.0
 """Rate at which columns are formed, Hz; six times the cutoff."""
 WIDE_CUTOFF_HZ = 40.0

@@ -13,11 +13,12 @@ from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress, Watch
 from fingerlab.diagnosis.answer.errors import equation_errors
 from fingerlab.diagnosis.answer.results import EquationError
+from fingerlab.diagnosis.diagnose import settle_constants
 from fingerlab.diagnosis.equations.model import Choice, Model
 from fingerlab.diagnosis.equations.parameters import ARMS, CABLE_OFFSET
 from fingerlab.diagnosis.fit.data import Weights
 from fingerlab.diagnosis.fit.solver import Fit, Fitter
-from fingerlab.diagnosis.gram.reduction import reduce_sessions
+from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.gram.sums import Reduced
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.score.scorer import Scorer
@@ -98,8 +99,9 @@ def compare_models(
         scales = find_scales([session])
         effects = _union([variant for _, variant in entries.values()], scales)
         watch = Watch(lambda share, what: tell(0.6 * share, what))
-        reduced = reduce_sessions([session], effects, watch, scales)
-        scorer = Scorer(reduced)
+        reduction = Reduction([session], scales=scales)
+        scorer = settle_constants(reduction, Scorer(reduction.of(effects, watch)))  # as for a verdict
+        reduced = scorer.reduced
         tell(0.6, "fitting")
         entrants = {
             name: _Entrant(scorer, reduced, variant, any(h.sha256 == sha256 for h in model.sessions), name)

@@ -333,7 +333,7 @@ def _fit(
     tell = progress or (lambda share, what: None)
     with threadpool_limits(limits=1, user_api="blas"):
         reduction = Reduction(sessions)
-        reduction.held = dict(held or {})
+        reduction.restart(held)
         watch = Watch(lambda share, what: tell(0.5 * share, what))
         settle_constants(reduction, Scorer(reduction.of([], watch)))  # as for a verdict
         scorer, whole = fit_refined(reduction, chosen, watch)

@@ -9,18 +9,20 @@ import numpy as np
 import pytest
 
 from fingerlab.core.progress import Watch
+from fingerlab.diagnosis.answer.errors import equation_errors
 from fingerlab.diagnosis.equations.model import Choice
 from fingerlab.diagnosis.fit.noise import torque_noise
-from fingerlab.diagnosis.gram.reduction import reduce_sessions
 from fingerlab.diagnosis.gram.sums import Reduced
 from fingerlab.diagnosis.score.evidence import Evidence
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.search.next_effect import judge_all
 from fingerlab.diagnosis.signals.conditions import runs_to_analyse
+from fingerlab.diagnosis.signals.filters import noise_of_derivatives
 from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import Row
 from fingerlab.sessions.model import Run, Session
+from tests.reduced import reduce_sessions
 
 from . import closed_form as made
 
@@ -188,3 +190,38 @@ def test_a_bench_that_never_repeats_is_as_noisy_as_the_current_beside_it() -> No
     assert found == pytest.approx(2e-3**2 * 16.0 / 1000.0, rel=0.3)
     Scorer(both)
     assert np.diag(bench.noise).max() / bench.noise_samples == pytest.approx(found, rel=0.1)
+
+
+def test_the_share_explained_is_of_the_torque_that_was_measured() -> None:
+    """R2 and error of the motor's equation tell the torque's variance: here nearly all is the bench's."""
+    finger, bench = finger_session(0.0, 0.0), bench_run(0.0, 0.0)
+    torque = 0.3 * np.sin(np.pi * bench.channel("time"))
+    scorer = Scorer(reduced(finger, replace(finger, runs=(with_more(bench, torque),))))
+    errors = equation_errors(scorer.reduced, scorer.score_held_out(scorer.bare, residuals=True))
+    groups = scorer.reduced.groups
+    share = sum(g.samples for g in groups if g.on_bench) / sum(g.samples for g in groups)
+    variance = errors["motor_torque"].rmse ** 2 / (1.0 - errors["motor_torque"].r2)
+    assert variance == pytest.approx(share * np.var(torque), rel=0.05)
+
+
+def test_a_rotor_beside_a_finger_is_no_better_known_than_the_encoder_steps() -> None:
+    """The acceleration's noise is the step's, though a motion that comes again has it in every cycle."""
+    finger, run, step = finger_session(0.0, 0.0), bench_run(0.0, 0.0), np.radians(0.05)
+    channels = {name: run.channel(name) for name in run.units}
+    channels["motor_position"] = step * np.round(channels["motor_command"] / step)
+    coarse = Run.from_arrays(
+        channels, name=run.name, phase=run.phase, cable=run.cable, sample_rate_hz=made.RATE,
+        trajectory=dict(run.trajectory),
+    )  # fmt: skip
+    scorer = Scorer(reduced(finger, replace(finger, runs=(coarse,))))
+    group = next(g for g in scorer.reduced.groups if g.on_bench)
+    layout = scorer.reduced.layout
+    place = next(
+        i
+        for i, one in enumerate(layout.features)
+        if one.row is Row.BENCH and one.parameter == "rotor_inertia" and one.owner is None
+    )
+    signal = layout.signals[place]
+    size = layout.scales.of("rad/s^2")
+    least = step**2 / 12.0 * noise_of_derivatives(made.RATE)[2] / size**2
+    assert group.noise[signal, signal] / group.noise_samples > 0.9 * least

@@ -10,10 +10,10 @@ from fingerlab.diagnosis.answer.budget import error_budget
 from fingerlab.diagnosis.answer.errors import equation_errors
 from fingerlab.diagnosis.answer.results import Budget, EquationError, PathStep
 from fingerlab.diagnosis.equations.model import Choice
-from fingerlab.diagnosis.gram.reduction import reduce_sessions
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.settings import FULL_ITERATIONS
 from fingerlab.effects import effect
+from tests.reduced import reduce_sessions
 
 from . import closed_form as made
 

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from fingerlab.diagnosis.answer.errors import held_out_runs
-from fingerlab.diagnosis.gram.reduction import reduce_sessions
 from fingerlab.diagnosis.score.fitted_model import condition_weights
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.settings import MOST_FOLDS
 from fingerlab.diagnosis.signals.conditions import deal
+from tests.reduced import reduce_sessions
 
 from . import closed_form as made
 

@@ -12,9 +12,9 @@ from scipy.signal import butter, firwin, freqz, sosfiltfilt
 from fingerlab.diagnosis.answer.errors import equation_errors, run_shares
 from fingerlab.diagnosis.answer.results import EquationError
 from fingerlab.diagnosis.equations.model import Choice
-from fingerlab.diagnosis.gram.reduction import reduce_sessions
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.effects import CATALOGUE
+from tests.reduced import reduce_sessions
 
 from . import closed_form as made
 

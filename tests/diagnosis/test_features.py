@@ -18,7 +18,6 @@ from fingerlab.diagnosis.equations.features import (
 from fingerlab.diagnosis.equations.model import build
 from fingerlab.diagnosis.equations.parameters import nuisance_ranges
 from fingerlab.diagnosis.fit.noise import row_covariance
-from fingerlab.diagnosis.gram.reduction import reduce_sessions
 from fingerlab.diagnosis.gram.sums import Reduced
 from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import Row
@@ -26,6 +25,7 @@ from fingerlab.physics.motion import Motion, tip_reach
 from fingerlab.physics.nominal import JointMotion
 from fingerlab.rig.file import Finger
 from tests.effects.moving import FINGER, moving
+from tests.reduced import reduce_sessions
 
 from . import closed_form as made
 

@@ -14,13 +14,13 @@ from fingerlab.diagnosis.answer.wording import deviations
 from fingerlab.diagnosis.fit.bounded_step import bounded_step
 from fingerlab.diagnosis.fit.data import Data
 from fingerlab.diagnosis.fit.solver import Fitter
-from fingerlab.diagnosis.gram.reduction import reduce_sessions
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.settings import Z90
 from fingerlab.diagnosis.signals.scales import SI
 from fingerlab.rig.file import Motor, Rig
 from fingerlab.sessions.model import Run, Session
+from tests.reduced import reduce_sessions
 
 from . import closed_form as made
 
@@ -208,3 +208,15 @@ def test_a_step_that_goes_in_circles_is_where_all_its_turns_would_have_ended(
     found = bounded_step(np.zeros(3), np.array([-3.0, 2.0, 2.0]), saddle, -np.ones(3), np.ones(3))
     assert found == pytest.approx([0.8, -0.6, 1.0], abs=1e-8)
     assert len(asked) < 15
+
+
+@pytest.mark.parametrize("name", ["proximal_mass", "mcp_stiffness", "inertia", "torque_constant"])
+def test_a_constant_without_tolerance_stays_as_it_is(name: str) -> None:
+    """Zero is no spread to divide by: the fit is one of numbers, and the constant does not move."""
+    session = made.session(made.Bench(), 2, contact=0)
+    rig = replace(session.rig, tolerance={**session.rig.tolerance, name: 0.0})
+    scorer = Scorer(reduce_sessions([replace(session, rig=rig)], []))
+    bare = scorer.bare
+    key = {"inertia": "rotor_inertia", "torque_constant": "torque_gain"}.get(name, name)
+    assert np.isfinite(bare.fit.cost)
+    assert abs(bare.values[key]) < 1e-5

@@ -6,11 +6,12 @@ import pytest
 
 from fingerlab.core.progress import SILENT
 from fingerlab.diagnosis.equations.model import Choice
-from fingerlab.diagnosis.gram.reduction import Reduction, reduce_sessions
+from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.search.grid_refinement import can_refine, extend_path, fit_effects
 from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import either, every, plus, rubbing, times
+from tests.reduced import reduce_sessions
 
 from . import closed_form as made
 

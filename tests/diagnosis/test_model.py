@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from fingerlab.diagnosis.equations.model import Choice, Model, build
-from fingerlab.diagnosis.gram.reduction import reduce_sessions
 from fingerlab.diagnosis.gram.sums import Group, Reduced
 from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import Row
+from tests.reduced import reduce_sessions
 
 from . import closed_form as made
 

@@ -32,7 +32,6 @@ from fingerlab.diagnosis.experiment.separation import (
     values_in,
 )
 from fingerlab.diagnosis.gram.decimation import decimated_columns
-from fingerlab.diagnosis.gram.reduction import reduce_sessions
 from fingerlab.diagnosis.score.evidence import Evidence
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.score.scorer import Scorer
@@ -45,6 +44,7 @@ from fingerlab.physics.motion import Motion
 from fingerlab.rig.file import Intervention
 from fingerlab.sessions.model import Session
 from fingerlab.twin.protocols import single_run
+from tests.reduced import reduce_sessions
 
 from . import closed_form as made
 

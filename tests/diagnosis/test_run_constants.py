@@ -7,6 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fingerlab.core.errors import Cancelled
+from fingerlab.diagnosis import diagnose
 from fingerlab.diagnosis.diagnose import likeliest_constants, settle_constants
 from fingerlab.diagnosis.equations.features import Pick
 from fingerlab.diagnosis.fit.run_spreads import find_constants
@@ -122,21 +124,51 @@ def test_an_offset_in_runs_that_repeat_no_motion_is_found_at_its_size() -> None:
     assert found.spreads[[0, 1, 3]].tolist() == [0.0, 0.0, 0.0]
 
 
-def test_an_offset_is_found_where_only_runs_without_it_come_again() -> None:
-    """Two presses that agree say nothing of the offsets of four free motions, none of which comes again."""
+OFFSETS = {0: -9e-3, 3: 6e-3, 5: -2e-3, 7: 5e-3}
+"""Of the amplifier in four runs, as a torque, N m."""
+
+
+def _drifting() -> Session:
     session = made.session(made.Bench(), 5, contact=2)
-    offsets = {0: -9e-3, 3: 6e-3, 5: -2e-3, 7: 5e-3}
     presses = [run for run in session.runs if run.phase == "contact"]
     runs = [
         made.with_motor_torque(session.runs[k], lambda _, offset=offset: offset)
-        for k, offset in offsets.items()
+        for k, offset in OFFSETS.items()
     ]
-    drifting = replace(session, runs=(*runs, *presses))
-    reduction = Reduction([drifting])
+    return replace(session, runs=(*runs, *presses))
+
+
+def test_an_offset_is_found_where_only_runs_without_it_come_again() -> None:
+    """Two presses that agree say nothing of the offsets of four free motions, none of which comes again."""
+    reduction = Reduction([_drifting()])
     scorer = Scorer(reduction.of([]))
     assert settle_constants(reduction, scorer) is scorer
     found, _ = likeliest_constants(reduction, scorer, scorer.bare)
     assert found is not None
     assert found.by_averages
-    assert found.spreads[2] == pytest.approx(np.sqrt(np.mean(np.square([*offsets.values(), 0, 0]))), rel=0.3)
+    assert found.spreads[2] == pytest.approx(np.sqrt(np.mean(np.square([*OFFSETS.values(), 0, 0]))), rel=0.3)
     assert found.spreads[[0, 1, 3]].tolist() == [0.0, 0.0, 0.0]
+
+
+def test_constants_that_one_answer_found_are_no_part_of_the_next() -> None:
+    """What the second look at a bench found, or was stopped in, is looked for anew whatever is asked next."""
+    drifting = _drifting()
+    kept = Reduction([drifting])
+    first = diagnose([drifting], with_curves=False, kept=kept)
+    assert first.constants is not None
+    assert kept.constants is first.constants
+
+    seen: list[float] = []
+
+    def stop() -> bool:
+        return bool(seen) and seen[-1] > 0.9
+
+    with pytest.raises(Cancelled):
+        diagnose([drifting], progress=lambda share, _: seen.append(share), cancelled=stop, kept=kept)
+    for added in ((), ("viscous_friction",)):
+        again = diagnose([drifting], added, with_curves=False, kept=kept)
+        fresh = diagnose([drifting], added, with_curves=False)
+        assert again.score == fresh.score
+        assert [(c.effect, c.probability) for c in again.candidates] == [
+            (c.effect, c.probability) for c in fresh.candidates
+        ]

@@ -10,11 +10,11 @@ from fingerlab.diagnosis.equations.model import Choice, build
 from fingerlab.diagnosis.fit.data import Weighted, own_to_a_run
 from fingerlab.diagnosis.fit.random_effects import RandomEffects
 from fingerlab.diagnosis.fit.solver import Fitter
-from fingerlab.diagnosis.gram.reduction import reduce_sessions
 from fingerlab.diagnosis.gram.sums import Reduced
 from fingerlab.diagnosis.score.scorer import Scorer, explained
 from fingerlab.diagnosis.settings import SET_DOWN_N, WANDER
 from fingerlab.effects import CATALOGUE
+from tests.reduced import reduce_sessions
 
 from . import closed_form as made
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from fingerlab.diagnosis.equations.model import Choice
-from fingerlab.diagnosis.gram.reduction import reduce_sessions
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.effects import CATALOGUE
+from tests.reduced import reduce_sessions
 
 from . import closed_form as made
 

@@ -13,11 +13,11 @@ from fingerlab.core import progress
 from fingerlab.core.errors import UserError
 from fingerlab.diagnosis import diagnose
 from fingerlab.diagnosis.equations.model import Choice
-from fingerlab.diagnosis.gram.reduction import reduce_sessions
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.search.next_effect import ScoreTest
 from fingerlab.effects import CATALOGUE
 from fingerlab.sessions import copy_session, open_session
+from tests.reduced import reduce_sessions
 
 REDUCTION = "fingerlab.diagnosis.gram.reduction"
 

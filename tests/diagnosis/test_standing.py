@@ -9,13 +9,13 @@ from fingerlab.diagnosis.equations.model import Choice
 from fingerlab.diagnosis.fit.noise import change_of_weight, encoder_spread, log_widening
 from fingerlab.diagnosis.fit.solver import Fitter
 from fingerlab.diagnosis.gram.decimation import rest_moments
-from fingerlab.diagnosis.gram.reduction import reduce_sessions
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.score.selection import contact_penalty
 from fingerlab.diagnosis.settings import CONTACT_PENALTY, NARROW_RATE_HZ, WIDE_RATE_HZ
 from fingerlab.diagnosis.signals.filters import decimate
 from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import Row
+from tests.reduced import reduce_sessions
 
 from . import closed_form as made
 

@@ -18,13 +18,13 @@ from fingerlab.core.errors import UserError
 from fingerlab.diagnosis import diagnose
 from fingerlab.diagnosis.equations.features import Layout
 from fingerlab.diagnosis.fit.noise import floor_covariance, noise_covariance
-from fingerlab.diagnosis.gram.reduction import reduce_sessions
 from fingerlab.diagnosis.gram.sums import Group, Sums
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.search.grid_refinement import fit_effects
 from fingerlab.effects import whole_catalogue
 from fingerlab.sessions import open_session
+from tests.reduced import reduce_sessions
 
 Array = np.ndarray[Any, Any]
 NOMINAL = "nominal"

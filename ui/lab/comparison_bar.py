@@ -12,7 +12,6 @@ from PySide6.QtGui import QBrush, QColor, QFontMetrics, QFontMetricsF, QPainter,
 from PySide6.QtWidgets import QButtonGroup, QComboBox, QHBoxLayout, QLabel, QPushButton, QSizePolicy, QWidget
 
 from fingerlab.diagnosis.answer.results import EQUATION_TITLES, Comparison, EquationError
-from fingerlab.diagnosis.settings import NARROW_CUTOFF_HZ
 from fingerlab.sessions.model import Run, Session
 
 from ..widgets.layout import FLUSH, as_written, described, hbox
@@ -46,7 +45,7 @@ ASIDE = (LegendKey("left aside", "muted", "hatch"),)
 FULL_RATE = (LegendKey("as recorded", "muted"),)
 FULL_RATE_HELP = (
     "As recorded, at its full rate: the channel behind what was measured, times arm, radius or gain. The "
-    f"equations are judged below {NARROW_CUTOFF_HZ:g} Hz: the curves are low-passed, which rounds corners."
+    "equations are judged low-passed, up to where the spectrum of the residual ends, which rounds corners."
 )
 WORST = (LegendKey("worst stretch:", "residual", "tint"),)
 CHOSEN = (LegendKey("chosen place:", "residual", "tint"),)

@@ -342,11 +342,12 @@ class ResultActions(QObject):
         path, fit = Path(name), self._fit()
 
         def work(progress: Progress, cancelled: IsCancelled) -> Path:
-            from fingerlab.models.file import save_model
+            from fingerlab.core.files import whole_file
+            from fingerlab.models.file import write_model
 
             model = fit(progress, cancelled)
-            path.unlink(missing_ok=True)  # the dialog has asked
-            save_model(model, path)
+            with whole_file(path) as part:  # the dialog has asked whether to replace what is there
+                write_model(model, part)
             return path
 
         self._context.tasks.start(

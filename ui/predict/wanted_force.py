@@ -21,6 +21,7 @@ from PySide6.QtWidgets import (
 )
 
 from fingerlab.core.errors import UserError
+from fingerlab.core.files import whole_file
 from fingerlab.core.text import MILLI_NEWTON_METRE, NEWTON, decimals_for, fixed
 from fingerlab.models.file import SavedModel
 from fingerlab.prediction.inverse import TorquePlan
@@ -317,9 +318,10 @@ class WantedView(QObject):
             return
         path = Path(name)
         try:
-            path.write_text(json.dumps(plan.experiment(), indent=1) + "\n", encoding="utf-8")
-        except OSError as error:
-            self._context.tell(f"{path} cannot be written ({error.strerror}); choose another folder.")
+            with whole_file(path, "choose another folder.") as part:
+                part.write_text(json.dumps(plan.experiment(), indent=1) + "\n", encoding="utf-8")
+        except UserError as error:
+            self._context.tell(str(error))
             return
         self._context.announce(f"Trajectory saved: {path}", path)
 

@@ -32,6 +32,7 @@ from fingerlab.diagnosis.answer.wording import residual_offsets
 from fingerlab.diagnosis.equations.coefficients import CABLE_NAMES
 from fingerlab.diagnosis.equations.features import FORCE, SHIFTS_S
 from fingerlab.diagnosis.equations.model import Choice
+from fingerlab.diagnosis.equations.parameters import TORQUE_ZERO
 from fingerlab.diagnosis.fit.noise import floor_covariance, misfit_floor
 from fingerlab.diagnosis.fit.solver import Fit, Fitter
 from fingerlab.diagnosis.gram.reduction import Reduction
@@ -124,15 +125,21 @@ def _squares(of: Mapping[Row, float]) -> Array:
 
 
 def _find(reduced: Reduced, **wanted: object) -> int:
+    """Index of the model's own feature with these attributes.
+
+    Raises:
+        LookupError: there is none.
+    """
     for i, feature in enumerate(reduced.layout.features):
         if feature.owner is None and all(getattr(feature, k) == v for k, v in wanted.items()):
             return i
-    return -1
+    raise LookupError(f"no feature has {wanted}")
 
 
 def _variance(reduced: Reduced, group: Group, row: Row, shift: int | None) -> float:
     """Variance of the measured channel of an equation: N^2, m^2 or (N m)^2."""
-    names = {Row.MCP: "loss_mcp", Row.CABLE: "offset", Row.BENCH: "bench_offset"}
+    offset = "bench_offset" if reduced.on_bench else TORQUE_ZERO  # beside a finger it is the current's zero
+    names = {Row.MCP: "loss_mcp", Row.CABLE: "offset", Row.BENCH: offset}
     measured = _find(reduced, row=row, constant=-1.0, shift=shift, scale="direct")
     products = _products(reduced, group, [measured, _find(reduced, row=row, parameter=names[row])])
     count = max(float(products[1, 1]), 1.0)
@@ -404,7 +411,7 @@ class ParametersAtHand:
         assert base is not None  # of a diagnosis that was made, not invented
         self._display, self._runs = Display(), reduction.runs
         with threadpool_limits(limits=1, user_api="blas"):
-            reduction.held = diagnosis.held
+            reduction.resume(diagnosis.held, diagnosis.constants)
             effects = at_found_shapes(base)
             self._scorer = Scorer(reduction.of(effects, watch, self._display.keep))
         layout = self._scorer.reduced.layout

@@ -12,7 +12,7 @@ from fingerlab.models.file import ParameterEstimate
 from fingerlab.sessions.model import Array
 
 if TYPE_CHECKING:
-    from fingerlab.diagnosis.gram.sums import FloorFrom
+    from fingerlab.diagnosis.gram.sums import FloorFrom, RunConstants
     from fingerlab.diagnosis.score.calibration import CalibratedAnswer, Odds, Predicted
     from fingerlab.diagnosis.score.evidence import Verdict
     from fingerlab.diagnosis.score.fitted_model import FittedModel
@@ -459,6 +459,7 @@ class Diagnosis:
     ``held``: unknowns that somebody held, by key, and their values, SI; all that is told holds only then.
     ``budget``: what the error of each family of equations is made of.
     ``fitted``: the model as given, as it was fitted; ``last``: the one at the end of the path.
+    ``constants``: that every run has of its own; None: none were found.
     """
 
     sessions: tuple[str, ...]
@@ -496,6 +497,7 @@ class Diagnosis:
     budget: Mapping[str, Budget] = field(default_factory=dict)
     fitted: FittedModel | None = field(default=None, repr=False, compare=False)
     last: FittedModel | None = field(default=None, repr=False, compare=False)
+    constants: RunConstants | None = field(default=None, repr=False, compare=False)
 
     def to_json(self) -> dict[str, Any]:
         """The object that ``diagnose --json`` writes, ready for ``json.dumps``."""

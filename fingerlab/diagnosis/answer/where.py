@@ -343,11 +343,13 @@ def autocorrelation(comparison: Comparison) -> Shape | None:
 def spectrum(comparison: Comparison) -> Shape | None:
     """Amplitude density of the residual up to the low-pass, beside a white floor; None: it is too short."""
     time, residual = _longest(comparison)
-    found = amplitude_density(residual, 1.0 / float(np.median(np.diff(time)))) if len(time) > 1 else None
+    rate = _rate_hz(time)
+    found = amplitude_density(residual, rate) if len(time) > 1 else None
     if found is None:
         return None
-    frequency, amplitude = (values[found[0] <= NARROW_CUTOFF_HZ] for values in found)
-    floor: Array = np.full(len(frequency), comparison.floor / np.sqrt(NARROW_CUTOFF_HZ))
+    cutoff = rate * NARROW_CUTOFF_HZ / NARROW_RATE_HZ  # of the machine's own pace
+    frequency, amplitude = (values[found[0] <= cutoff] for values in found)
+    floor: Array = np.full(len(frequency), comparison.floor / np.sqrt(cutoff))
     curves: dict[str, tuple[Array, Array]] = {
         "residual": (frequency, amplitude),
         "floor": (frequency, floor),
@@ -362,6 +364,11 @@ SHAPES: Mapping[str, Callable[[Comparison], Shape | None]] = {
     "autocorrelation": autocorrelation,
     "spectrum": spectrum,
 }
+
+
+def _rate_hz(time: Array) -> float:
+    """Samples a second of the times (s) of a comparison; 0 of fewer than two."""
+    return 1.0 / float(np.median(np.diff(time))) if len(time) > 1 else 0.0
 
 
 def _longest(comparison: Comparison) -> tuple[Array, Array]:
@@ -396,7 +403,7 @@ def full_rate(comparison: Comparison, run: Run) -> tuple[Array, Array] | None:
         return None
     samples = run.load(["time", channel])
     time, raw = samples["time"] - samples["time"][0], samples[channel]
-    width = max(int(run.sample_rate_hz / NARROW_RATE_HZ), 1)
+    width = max(int(run.sample_rate_hz / (_rate_hz(comparison.time) or NARROW_RATE_HZ)), 1)
     smooth = np.convolve(raw, np.full(width, 1.0 / width), mode="same")  # its noise would shrink the factor
     inertial = comparison.coordinates.get("motor acceleration", np.zeros(len(comparison.time)))
     if channel != "motor_torque":

@@ -17,7 +17,9 @@ import numpy as np
 
 from fingerlab.diagnosis.settings import (
     CURRENT_ZERO_A,
+    EXACT,
     MOST_CHANGES,
+    ROTOR_SPREAD,
     SLIP_STIFFNESSES,
     STIFFNESS,
     TOLERANCES,
@@ -86,13 +88,15 @@ def nuisance_ranges(rig: Rig, rate: float = math.inf) -> dict[str, Parameter]:
         "load_gain": Parameter("1", -0.05, 0.05, 0.02, source="assumed: a load known to 2 %"),
     }
     for name in ("proximal_mass", "distal_mass", "mcp_stiffness", "pip_stiffness"):
-        tolerance = rig.tolerance_of(name)
+        tolerance = max(rig.tolerance_of(name), EXACT)
         ranges[name] = Parameter("1", -2.5 * tolerance, 2.5 * tolerance, tolerance, source="rig file")
     inertia = rig.motor.inertia
-    spread = 5e-5 if inertia is None else inertia * rig.tolerance_of("inertia")
+    spread = ROTOR_SPREAD if inertia is None else inertia * rig.tolerance_of("inertia")
+    spread = max(spread, EXACT * ROTOR_SPREAD)
     ranges["rotor_inertia"] = Parameter("kg m^2", -2.5 * spread, 2.5 * spread, spread, source="rig file")
+    tolerance_of_torque = max(rig.tolerance_of("torque_constant"), EXACT)
     ranges |= {
-        "torque_gain": Parameter("1", -0.05, 0.05, rig.tolerance_of("torque_constant"), source="rig file"),
+        "torque_gain": Parameter("1", -0.05, 0.05, tolerance_of_torque, source="rig file"),
         "force_gain": Parameter("1", -0.03, 0.03, 0.01, source="FC2231 data sheet: 1 % of span"),
         "loss_mcp": Parameter("N m", -0.05, 0.05, 1e-3, source="assumed: a degree of a joint's zero"),
         "loss_pip": Parameter("N m", -0.05, 0.05, 1e-3, source="assumed: a degree of a joint's zero"),

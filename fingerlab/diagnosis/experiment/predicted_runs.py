@@ -245,7 +245,7 @@ def finger_motion(
     values: Mapping[str, float],
     change: Intervention = UNCHANGED,
 ) -> Motion | None:
-    """Free finger on a cable; None: the cable would hang loose, or pull too hard.
+    """Free finger on a cable; None: the cable would hang loose, or pull too hard, or nothing balances it.
 
     ``values`` are the fitted unknowns by key. With a known ``change`` it hangs at rest in another posture,
     about which the motor's zero is set anew.
@@ -262,7 +262,10 @@ def finger_motion(
         wound = wound - cable_sign * (a * usual[0] + b * usual[1])
         a, b = change.mcp_arm * a, change.pip_arm * b
         wound = wound + cable_sign * (a * moved[0] + b * moved[1])
-    mcp, pip, pull = _balance(finger, cable_sign, a, b, wound, change)
+    balance = _balance(finger, cable_sign, a, b, wound, change)
+    if balance is None:
+        return None
+    mcp, pip, pull = balance
     if np.min(pull) < LEAST_PULL_N or np.max(pull) > MOST_PULL_N:
         return None
     return _motion(rig, cable_sign, time, position, pull, (mcp, pip), None, change)
@@ -381,9 +384,10 @@ def _weights(finger: Finger, change: Intervention, still: JointMotion) -> tuple[
 
 def _balance(
     finger: Finger, sign: int, a: float, b: float, wound: Array, change: Intervention = UNCHANGED
-) -> tuple[Array, Array, Array]:
+) -> tuple[Array, Array, Array] | None:
     """Angles (rad) and tension (N) where springs and gravity balance the cable, by fixed-point iteration.
 
+    None: springs too weak for the links' weight, among which the iteration finds no balance.
     With gravity held all is linear: s (a t1 + b t2) = wound, K1 t1 = s a T - g1, K2 t2 = s b T - g2.
     """
     k1, k2 = finger.mcp_stiffness + change.mcp_stiffness, finger.pip_stiffness + change.pip_stiffness
@@ -397,5 +401,5 @@ def _balance(
         before = mcp
         mcp, pip = (sign * a * pull - g1) / k1, (sign * b * pull - g2) / k2
         if np.max(np.abs(mcp - before)) < BALANCED_RAD:
-            break
-    return mcp, pip, pull
+            return mcp, pip, pull
+    return None

@@ -142,19 +142,23 @@ def fill_missing_noise(reduced: Reduced) -> None:
             _give(alike if variance > 0 else [], noise, 1.0)
 
 
+DERIVATIVES = {"bench_trace": 1, "bench_inertia": 2, "rotor_inertia": 2}
+"""Which derivative of a motor's angle an unknown of its own equation multiplies; the last beside a finger."""
+
+
 def add_encoder_noise(reduced: Reduced) -> None:
     """Let the speed and acceleration of a motor alone be no quieter than its encoder's steps make them.
 
     A motion that comes again to the step has the same error in every cycle, which passes for misfit.
     """
     for group in reduced.groups:
-        if not (group.on_bench and group.noise_samples > 0 and group.encoder_noise):
+        if not (group.on_bench and group.noise_samples > 0):
             continue
-        for name, order in (("bench_trace", 1), ("bench_inertia", 2)):
-            feature = reduced.layout.nuisance_features.get(name)
-            if feature is None:
+        for place, feature in enumerate(reduced.layout.features):
+            order = DERIVATIVES.get(feature.parameter or "") if feature.row is Row.BENCH else None
+            if order is None or feature.owner is not None:
                 continue
-            signal = int(reduced.layout.signals[reduced.layout.features.index(feature)])
+            signal = int(reduced.layout.signals[place])
             least = group.noise_samples * group.encoder_noise[order]
             group.noise[signal, signal] = max(group.noise[signal, signal], least)
 

@@ -55,8 +55,8 @@ class Reduction:
     not depend on what was asked in between.
 
     Attributes:
-        constants: that every run has of its own, as was found; None: none.
-        settled: whether they were looked for.
+        constants: that every run has of its own, for what is asked now; None: none.
+        settled: whether they were looked for under the bare model.
         late_torque: whether the torque of a motor alone was found to be logged later than its position.
         held: values that somebody holds unknowns of every model at, by key, SI.
         repairs: samples that were put right, by number of the run, how and channel; samples: that it has.
@@ -78,6 +78,7 @@ class Reduction:
         self._asked: list[_Key] | None = None
         self._seen: dict[str, tuple[Shape, ...]] = {}
         self.constants: RunConstants | None = None
+        self._settled_constants: RunConstants | None = None
         self.settled = False
         self.late_torque = False
         self.held: Mapping[str, float] = {}
@@ -98,6 +99,19 @@ class Reduction:
     @cached_property
     def _pairs(self) -> list[tuple[Session, Run]]:
         return runs_to_analyse(self.sessions)[0]
+
+    def restart(self, held: Mapping[str, float] | None = None) -> None:
+        """Begin a call that asks for nothing that another left: no constants but those of the bare model."""
+        self.held, self.constants = dict(held or {}), self._settled_constants
+
+    def settle(self, constants: RunConstants | None) -> None:
+        """Keep what was found under the bare model."""
+        self.constants = self._settled_constants = constants
+        self.settled = True
+
+    def resume(self, held: Mapping[str, float], constants: RunConstants | None) -> None:
+        """Go on from an answer: what it held, and the constants of its runs."""
+        self.held, self.constants = held, constants
 
     def _forget(self) -> None:
         self._cache = SegmentCache(self._executor)
@@ -395,21 +409,6 @@ def _joined(finger: Layout, *bench: Layout) -> Layout:
     )
 
 
-def reduce_sessions(
-    sessions: Sequence[Session],
-    effects: Sequence[Effect],
-    watch: Watch = SILENT,
-    scales: Scales | None = None,
-) -> Reduced:
-    """One pass over the data, of which nothing is kept; ``scales``: as of :class:`Reduction`.
-
-    Raises:
-        UserError: nothing to analyse, a run that cannot be read, or channels whose sense is turned.
-        Cancelled: the user asked for it.
-    """
-    return Reduction(sessions, scales=scales).of(effects, watch)
-
-
 def _shared(motions: Sequence[int | None]) -> list[int | None]:
     """Those that several runs were told, for each run; None: no other was."""
     return [motion if motions.count(motion) > 1 else None for motion in motions]
@@ -438,7 +437,7 @@ def _add(group: Group, k: int, found: RunSums, number: int, motion: int | None) 
     for cycle in found.cycles if motion is not None else ():
         group.cycles.setdefault((motion, cycle.stretch), []).append(cycle)
     group.encoder_variance = max(group.encoder_variance, found.encoder_variance)
-    group.encoder_noise = max(group.encoder_noise, found.encoder_noise)
+    group.encoder_noise = tuple(map(max, group.encoder_noise, found.encoder_noise))
     group.state_products += [found.state_products] if found.state_products else []
 
 

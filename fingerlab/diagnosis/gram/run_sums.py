@@ -169,9 +169,10 @@ def run_sums(
             if frequency is not None:
                 stretch = frequency, float(low.time[0]), float(low.time[-1]), len(low.time)
                 result.cycles.append(Cycle(stretch, low.live + asked.start, cyclic))
-        result.encoder_variance = (motion.radius * motion.position_step) ** 2 / 12.0
         of_a_step = motion.position_step**2 / 12.0
-        result.encoder_noise = tuple(of_a_step * one for one in noise_of_derivatives(run.sample_rate_hz))
+        result.encoder_variance = max(result.encoder_variance, motion.radius**2 * of_a_step)
+        of_encoder = tuple(of_a_step * one for one in noise_of_derivatives(run.sample_rate_hz))
+        result.encoder_noise = tuple(map(max, result.encoder_noise, of_encoder))
         if keep is not None:
             keep(session, run, low)
     return result

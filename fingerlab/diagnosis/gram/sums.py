@@ -407,7 +407,7 @@ class RunSums:
     senses: list[Senses] = field(default_factory=list)
     facts: Facts | None = None  # what its channels say of each other; on a first reading
     encoder_variance: float = 0.0
-    encoder_noise: tuple[float, ...] = ()
+    encoder_noise: tuple[float, ...] = (0.0, 0.0, 0.0)  # variance of angle, speed and acceleration
     state_products: list[Array] = field(default_factory=list)
     """Where no motion comes again: see ``state_law``, one for each block."""
     cycles: list[Cycle] = field(default_factory=list)
@@ -450,7 +450,7 @@ class Group:
     noise: Array
     noise_samples: float = 0.0
     encoder_variance: float = 0.0  # m^2 of cable: what a standing encoder's step leaves open
-    encoder_noise: tuple[float, ...] = ()
+    encoder_noise: tuple[float, ...] = (0.0, 0.0, 0.0)  # variance of angle, speed and acceleration
     """What the step of an encoder that moves makes of its angle, speed and acceleration, squared, SI."""
     dealt: list[Fold] = field(default_factory=list)
     trends: dict[tuple[int, int], list[Array]] = field(default_factory=dict)

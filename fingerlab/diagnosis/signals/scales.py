@@ -191,6 +191,8 @@ def _torque_pace(run: Run) -> float:
     Teeth and poles pass more often than it turns: half of the torque's variance lies well within the band.
     """
     torque = _moving(run, "motor_torque")
+    if not len(torque):
+        return 0.0
     power = np.cumsum(np.abs(np.fft.rfft((torque - torque.mean()) * np.hanning(len(torque)))) ** 2)
     if not len(power) or not power[-1] > 0:
         return 0.0
