@@ -20,7 +20,7 @@ import click
 
 from fingerlab.cli.main import COMMANDS, cli
 from fingerlab.diagnosis.equations.parameters import nuisance_ranges
-from fingerlab.diagnosis.settings import TOLERANCES, USUAL_RATIOS, USUAL_SPREAD
+from fingerlab.diagnosis.settings import ARM_RATIO_SPREADS, USUAL_RATIOS, USUAL_SPREAD
 from fingerlab.effects import CATALOGUE, Effect
 from fingerlab.physics.parameter import Parameter
 from fingerlab.report.equation_text import markdown_words
@@ -244,7 +244,7 @@ def _nuisances() -> str:
         "What every fit leaves open besides the effects, with the ranges for the default rig. Moment arms, "
         "losses and cable offset are free for each routing by itself; but flexion over extension arm must be "
         f"near {USUAL_RATIOS[0]:g} at the MCP and {USUAL_RATIOS[1]:g} at the PIP joint: both logarithms "
-        f"together within {TOLERANCES:g} times {USUAL_SPREAD:g}, or times the rig file's tolerance "
+        f"together within {ARM_RATIO_SPREADS:g} times {USUAL_SPREAD:g}, or times the rig file's tolerance "
         "`moment_arm` (assumed; see `routing_change`). Constants of the rig have their "
         "tolerance as a prior and a hard bound at 2.5 tolerances; their numbers are relative, unit 1.\n\n"
         + gain_table(nuisance_ranges(default_rig()))

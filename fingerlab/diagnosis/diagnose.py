@@ -15,7 +15,7 @@ from threadpoolctl import threadpool_limits
 from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress
 from fingerlab.diagnosis.answer.budget import error_budget
-from fingerlab.diagnosis.answer.errors import equation_errors, held_out_runs, run_asides, run_shares
+from fingerlab.diagnosis.answer.errors import equation_errors, excluded_times, held_out_runs, run_shares
 from fingerlab.diagnosis.answer.results import (
     Candidate,
     Diagnosis,
@@ -56,9 +56,9 @@ from fingerlab.diagnosis.score.evidence import (
 from fingerlab.diagnosis.score.fitted_model import FittedModel, at_found_shapes, paired_score
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.score.selection import justified, lacks_fit
+from fingerlab.diagnosis.search.exchange import ExchangedModel, odds_of_rivals
 from fingerlab.diagnosis.search.grid_refinement import fit_refined, with_shapes_of
 from fingerlab.diagnosis.search.next_effect import held_back
-from fingerlab.diagnosis.search.rivals import Rival, odds_of_rivals
 from fingerlab.diagnosis.search.strategy import Found, Question, Stages, search_effects
 from fingerlab.diagnosis.settings import (
     CONSTANTS_ROUNDS,
@@ -286,7 +286,7 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
     candidates = _candidates(evidence, probability, chosen, stuck, loose, prints, closer, replaced, alone)
     pairs = [(session, run) for (session, _), run in zip(reduction.runs, reduction.analysed, strict=True)]
     each_share, parts = run_shares(pairs, scorer.reduced, evidence.base)
-    each_aside, asides = run_asides(reduction, scorer.reduced, evidence.base)
+    excluded, excluded_by_motion = excluded_times(reduction, scorer.reduced, evidence.base)
     following = _next_run(sessions, scorer, evidence, chosen, usual)
     steps = _path_steps(path, found.better)
     return Diagnosis(
@@ -309,9 +309,9 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
         failure=curves.failure if curves else None,
         held_out=held_out_runs(reduction.analysed, scorer.reduced, evidence.base),
         score_parts=parts,
-        left_aside=asides,
+        excluded_by_motion=excluded_by_motion,
         run_shares=each_share,
-        run_asides=each_aside,
+        excluded_times=excluded,
         repeats=scorer.reduced.floor_from != "state law",
         floor_from=scorer.reduced.floor_from,
         calibration=calibration,
@@ -372,27 +372,27 @@ def _cannot_be_ruled_out(
     return chosen
 
 
-def _path_steps(path: Sequence[FittedModel], better: Rival | None) -> tuple[PathStep, ...]:
+def _path_steps(path: Sequence[FittedModel], better: ExchangedModel | None) -> tuple[PathStep, ...]:
     """The error path; a better model begins with an exchange."""
     removed = {1: better.removed} if better is not None else {}
     return tuple(PathStep(_last(s) if k else None, s.score, removed.get(k)) for k, s in enumerate(path))
 
 
-def _as_good(found: Found) -> list[Rival]:
+def _as_good(found: Found) -> list[ExchangedModel]:
     """The rivals that these data cannot tell from the best model."""
     best = max((0.0, *(one.log_odds for one in found.rivals)))
     near = [one for one in found.rivals if one.log_odds >= best - SET_LOG_ODDS]
     return [one for one in near if one is not found.better]
 
 
-def _other_model(given: Sequence[Effect], rival: Rival) -> OtherModel:
+def _other_model(given: Sequence[Effect], rival: ExchangedModel) -> OtherModel:
     """A rival as it is told: the first exchanged effect where the removed one stood."""
     first, *rest = rival.added
     effects = [first if e.id == rival.removed else e.id for e in given]
     return OtherModel((rival.removed,), rival.added, (*effects, *rest), rival.fitted.score, rival.log_odds)
 
 
-def _replacing(evidence: Evidence, rivals: Sequence[Rival]) -> dict[str, Rival]:
+def _replacing(evidence: Evidence, rivals: Sequence[ExchangedModel]) -> dict[str, ExchangedModel]:
     """Rivals whose effect is rather in place of a given one than missing beside it, by its id."""
     shares = shares_of_rivals(odds_of_rivals(rivals))
     whole = {c.last_effect.id: p for c, p in zip(evidence.candidates, evidence.posterior, strict=True)}

@@ -111,11 +111,11 @@ NO_TORQUE = 1e-9
 """A torque that changes by less is a constant, N m: rounding."""
 MOVED_DEG = 3.0
 """A joint that moves by less says little of its sense, degrees; assumed."""
-AGAINST = -0.7
+TURNED_CORRELATION = -0.7
 """Correlation with what its cable does below which a joint turns against it; assumed."""
 PUSHES_N = -0.5
 """A mean tension below it is no zero of the current, N; assumed."""
-ALWAYS = 0.9
+PUSHING_SHARE = 0.9
 """Share of a run in which a cable would have to push to be called turned; assumed."""
 
 # ## Channels that contradict each other
@@ -124,7 +124,7 @@ ANOTHER_UNIT = 20.0
 """A ratio that is off by such a factor is a matter of units (57.3 or 1000), not of a bench; assumed."""
 OFF_CURRENT = 1.5
 """... for the torque over what the current makes of it, which are one measurement."""
-OPPOSITE = 0.9
+COMMAND_CORRELATION = 0.9
 """A motor whose position and command correlate below minus this turns against it; assumed."""
 DEAD_SHARE = 0.02
 """A joint that moves by less than this share of the other one does not move; assumed."""
@@ -172,9 +172,9 @@ USUAL_RATIOS = (1.10, 0.76)
 project did not make it is 0.97 to 1.32 and 0.61 to 0.78."""
 USUAL_SPREAD = 0.12
 """One standard deviation of the ratio's logarithm between fingers of one design, each joint; assumed."""
-TOLERANCES = 2.75
+ARM_RATIO_SPREADS = 2.75
 """How many of them the two joints together may be away: one finger in forty is."""
-STIFFNESS = 1e7
+ARM_RATIO_CURVATURE = 1e7
 """Curvature of the cost beyond the edge, for a ratio's logarithm: ten times what a session tells of it."""
 
 # ## Moments that count otherwise: a slack cable, a motor that stands
@@ -197,7 +197,7 @@ LOW_PASS_REACH = 1
 angle, and carries what was held over them. Without it, the ends of a standstill were weighed as motion, and
 one run of steps took a third off the joints' friction; with two, reversals that tell where it rubs were
 doubted."""
-HELD_SHARE = 1.0 / 3.0
+STICTION_MEAN_SQUARE = 1.0 / 3.0
 """Mean square of a friction anywhere between its extremes, as a share of its square when it slides."""
 
 # ## What repeats, and how far an equation is trusted
@@ -206,7 +206,7 @@ TREND_DEGREE = 3
 """Of the polynomial over a stretch that counts as its slow trend."""
 MOST_NOISE = 0.995
 """Noise may make up at most this share of any combination of features."""
-RIDGE = 1e-9
+GRAM_RIDGE = 1e-9
 """Share of its own size below which a combination of features is rounding."""
 TIP_FRICTION_SPREAD = 0.3
 """Share of its friction at the fingertip that a tip which slides holds back or adds at will, one standard
@@ -220,9 +220,9 @@ LEAST_TORQUE_SPREAD = 1e-6
 LEAST_DEPTH_SPREAD_M = 3e-5
 """Nor is where a tip stands that presses, m; assumed: it is rough, and rolls, and half an angle step moves it
 by as much."""
-WANDER = 0.05
+RUN_VARIATION = 0.05
 """Friction differs from run to run by this share, one standard deviation; assumed ("some per cent")."""
-MOST_WANDER = 3.0
+RUN_VARIATION_BOUND = 3.0
 """... and by no more than so many of them: a friction that does depends on something, such as the load."""
 SET_DOWN_N = 0.02
 """Force along the load cell's face that a tip which sticks is set down with, from run to run, one standard
@@ -268,7 +268,7 @@ REPORTED_ZERO_DEG = 0.1
 friction look like it, and a sensor that is clamped anew repeats no better; assumed."""
 REPORTED_SKEW_S = 4e-4
 """From here on a skew between the channels is told, s: friction that no model holds makes 0.3 ms of it."""
-SPREADS = (1e-5, 0.5)
+RUN_CONSTANT_RANGE = (1e-5, 0.5)
 """Between these a spread is sought: from half a thousandth of a degree to half a turn's sixth, and in N m on
 the scale of the thesis' motor; assumed."""
 SPREAD_STEPS = 29
@@ -324,9 +324,9 @@ STROKE_VALUES = 4.0
 VALUES_OF_A_MOTION = 14.0
 """So many systematic values a run of one motion has in any case: sine and cosine of seven harmonics, as a
 stroke of the thesis' pace has them below the narrow cutoff."""
-EARNED_SHARE = 0.001
+OVERFIT_SHARE = 0.001
 """Share of the explained misfit that every further unknown gains by chance and bias."""
-EARNED_MOST = 100.0
+OVERFIT_MOST = 100.0
 """... of a fall of the squared score up to this: what chance gains does not grow with friction of sixty times
 the floor, where a law with one unknown less would be preferred although it leaves four floors more."""
 LEAST_SHARE = 0.2
@@ -350,7 +350,7 @@ DECIDING_LOG_ODDS = 5.0
 USUAL_FREEDOM, USUAL_POINTS = 3, 9
 """Unknowns and points of the grid of an effect that is no more flexible than most; what others gain by chance
 comes on top, ``COST_OF_A_GAIN`` an unknown and the logarithm of how many times as many points there are."""
-MUCH = 1.0
+LACK_OF_FIT = 1.0
 """Squared score above one that no bench leaves (``USUAL_LEFT``) and no nearly right law (about 0.5)."""
 NEARLY_RIGHT = 0.4
 """Squared score above one up to which several effects together are taken for right; assumed."""
@@ -394,7 +394,7 @@ SET_PROBABILITY = 0.95
 """The set holds effects until they have this probability together, if one of them is missing."""
 SET_LOG_ODDS = 3.0
 """An effect is in the set when its log odds against the best are above minus this (odds of about 1 to 20)."""
-TIED = 1e-6
+TIE_LOG_ODDS = 1e-6
 """Log odds by which, of two effects as likely, the one that the path begins with stands first."""
 GRID_LOG_ODDS = -6.0
 """Log odds down to which effects are looked at between the points of their grids where the best leaves much;
@@ -459,9 +459,9 @@ further from the bench than any that the map was fitted to."""
 
 HELD_OUT_TRIALS = 4
 """This many of the best effects are scored on held-out runs; the rest are far behind and scored in sample."""
-FRONT = 8
+CANDIDATES_REFITTED = 8
 """This many are looked at more closely when the weights have changed."""
-HOPEFUL_SHARE = 0.1
+SCREEN_SHARE = 0.1
 """An effect whose first step lowers the cost by less than this share of the best's is fitted no further."""
 LEADING_SHARE = 0.5
 """Effects that explain at least so much of what the best explains may set the weights in its place, if the
@@ -478,7 +478,7 @@ LONGEST_PATH = 4
 """At most this many effects are added."""
 STEP_GAIN = 0.25
 """An effect that promises less than this share of what a further step must reach is no candidate for it."""
-FAR = 8.0
+JOINT_SEARCH_LEVEL = 8.0
 """Squared score above one from which on many effects are looked for together: no usual path ends there but
 for something outside of the catalogue."""
 MOST_BEYOND = 2
@@ -513,7 +513,7 @@ the squared score by none as below; assumed: what many nearly right laws leave m
 USUAL_SHARE = 0.03
 """The share of the squared score for what every bench has; assumed: it is there in any case, and stays while
 it is seen at all."""
-IDLE_SHARE = 0.003
+REMOVAL_SHARE = 0.003
 """The same before others are looked for, whose absence makes every share small; assumed."""
 LEAST_TAUT = 0.02
 """A cable that is taut for a smaller share of the samples tells nothing of its length; assumed."""
@@ -524,7 +524,7 @@ RUNNERS_UP = 2
 """So many other beginnings are tried where a way ends with much left."""
 LOOKING_ITERATIONS = 3
 """Steps of a fit that only tells which of several shapes is best."""
-ROUNDS = 2
+SHAPE_PASSES = 2
 """Times that the shapes of several effects are gone through, each given the others', and times that all are
 refined where one takes a number from what is fitted."""
 FOLLOWING_ROUNDS = 8
@@ -552,14 +552,14 @@ LEAST_SEPARATION = 0.2
 """A run that is expected to bring less (nats) is not worth the operator's time."""
 LEAST_MORE = 0.03
 """... nor one after which the truth is alone in the set no more probably than this beyond now; assumed."""
-RIVALS = 7
+PROPOSAL_CANDIDATES = 7
 """So many effects of a set are looked at beside its first, or of those that could not show; more are rarely
 left."""
-TRUTHS = 3
+TRUE_EFFECTS = 3
 """So many of them are looked at as the true one; the fourth is seldom as likely as one in twenty."""
 LOOKED_AT = 8
 """So many runs of the menu are looked at with what gains scatter by; the rest are behind at first glance."""
-CHANCES = 24
+GAIN_DRAWS = 24
 """Draws of that scatter: a chance is then known to a tenth; all runs have the same ones."""
 SEEN_LOG_ODDS = 300.0
 """Log odds against nothing of an effect that a run was made to show, and does: hundreds in trials."""

@@ -268,7 +268,7 @@ class Effect:
     @property
     def unknowns(self) -> dict[str, Parameter]:
         """What a fit finds: the gains, then the nuisances that are set free; by name."""
-        free = {name: replace(one, role=Role.NUISANCE_OF_BENCH) for name, one in self.relaxes.items()}
+        free = {name: replace(one, role=Role.NUISANCE) for name, one in self.relaxes.items()}
         return {**self.gains, **free}
 
     def _shape(self, name: str, symbol: str) -> Parameter:

@@ -274,7 +274,7 @@ def _probes(on_bench: bool) -> list[Motion]:
     if on_bench:
         kinds = [("motor_bench", 0)]
     whole = [_probe(phase, sign, swing) for phase, sign in kinds for swing in (1.0, 0.0)]
-    return [*whole, *(motion.glimpse() for motion in whole)]
+    return [*whole, *(motion.head() for motion in whole)]
 
 
 def _probe(phase: str, sign: int, swing: float) -> Motion:

@@ -55,7 +55,7 @@ class Motion:
     load: Array | None = None
     linear: bool = False  # an axis whose way is told as an arc: its angle has no turn
     lead: int = 0  # samples at the start that only set the memory of what has one; no equation counts there
-    leans_from: int = 0  # sample from which on the share of rubbing that is left to a lean is taken
+    slip_mean_from: int = 0  # sample from which on the share of rubbing that is left to a lean is taken
     position_step: float = 0.0  # of the motor's encoder, rad
     inertia_spread: float = 0.0  # of the rotor's inertia, one standard deviation, kg m^2
     intervention: Intervention | None = None  # what is known to be otherwise; None: no run of these has one
@@ -81,7 +81,7 @@ class Motion:
             self._memory.update(zip(keys, make(), strict=True))
         return self._memory[wanted]
 
-    def glimpse(self) -> Motion:
+    def head(self) -> Motion:
         """The first samples: enough to see which terms there are."""
 
         def cut(value: object) -> Any:
@@ -157,7 +157,7 @@ class Motion:
             self.remember("lever pip", lambda: nominal.contact_lever_pip(finger, q.mcp, q.pip)),
         )
 
-    def slipping(self, stiffness: float, grid: Sequence[float] = ()) -> Array:
+    def tip_slip_force(self, stiffness: float, grid: Sequence[float] = ()) -> Array:
         """Friction (N, for a coefficient of 1) of a tip whose sideways force follows the normal one.
 
         It takes on ``stiffness`` N a newton of normal force until it slides; ``grid`` are others that will be
@@ -172,7 +172,7 @@ class Motion:
             return np.zeros((len(stiffnesses), len(self.time)))
         normal = np.maximum(self.force, 0.0)
         values = rubbing_forces(normal, normal, stiffnesses)
-        counted = slice(self.leans_from, None)
+        counted = slice(self.slip_mean_from, None)
         shares = values[:, counted].sum(axis=1) / max(float(normal[counted].sum()), 1e-3)
         return np.asarray(values - shares[:, None] * normal)
 

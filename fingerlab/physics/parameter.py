@@ -18,7 +18,7 @@ class Role(Enum):
 
     PHYSICAL = "physical"
     """A strength of an effect: it multiplies a column."""
-    NUISANCE_OF_BENCH = "nuisance of the bench"
+    NUISANCE = "nuisance of the bench"
     """Open in every model, with one value in all runs of a session, or one for each cable routing."""
     NUISANCE_OF_RUN = "nuisance of a run"
     """Open in every model, with a value of its own in each run."""

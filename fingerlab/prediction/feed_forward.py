@@ -94,7 +94,7 @@ class Along:
         # In the runs of the fit the fingertip goes up and down nearly all the time. While it only comes to
         # press, the share of rubbing that is left to a lean would be another one.
         begins = int(np.searchsorted(self._time, 0.0))
-        self._motion = replace(self._on_its_zero(motion), leans_from=begins, _memory={})
+        self._motion = replace(self._on_its_zero(motion), slip_mean_from=begins, _memory={})
 
     def torque(self, trim: float = 0.0) -> tuple[Array, Array]:
         """Torque that presses with the wanted force, and its half width, N m, (n,) each over ``wanted.time``.

@@ -194,7 +194,7 @@ def level_residuals(
     zero = np.zeros_like(motion.time)
     rubbing = replace(motion, phase="contact", force=zero if force is None else force, _memory={})
     for stiffness in SLIP_STIFFNESSES:
-        rubbing.slipping(stiffness)
+        rubbing.tip_slip_force(stiffness)
     levels = [
         _residuals(motion.pressed_by(np.full_like(motion.time, level), rubbing), effects, values, where)
         for level in LEVELS_N

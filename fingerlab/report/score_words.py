@@ -10,7 +10,7 @@ from typing import Any
 
 from fingerlab.core.progress import Progress, Watch
 from fingerlab.core.text import decimals_for, fixed, percent, printed, score_text, screen_unit
-from fingerlab.diagnosis.answer.results import Candidate, Diagnosis, LeftAside, ScorePart
+from fingerlab.diagnosis.answer.results import Candidate, Diagnosis, ExcludedByMotion, ScorePart
 from fingerlab.report.diagnosis_words import (
     FAMILY_TITLES,
     PHASE_WORDS,
@@ -112,7 +112,9 @@ def score_table(diagnosis: Diagnosis) -> ScoreTable | None:
                 percent(mine[0][0].samples, counted=True),
                 tuple(sum_text(cell) if cell else "" for cell in cells.values()),
                 sum_text(mine),
-                _aside_words([one for one in diagnosis.left_aside if _motion(one) == (runs, phase, cable)]),
+                _aside_words(
+                    [one for one in diagnosis.excluded_by_motion if _motion(one) == (runs, phase, cable)]
+                ),
             )
         )
     return ScoreTable(
@@ -126,7 +128,7 @@ def score_table(diagnosis: Diagnosis) -> ScoreTable | None:
     )
 
 
-def _motion(one: ScorePart | LeftAside) -> tuple[tuple[str, ...], str, str]:
+def _motion(one: ScorePart | ExcludedByMotion) -> tuple[tuple[str, ...], str, str]:
     return one.runs, one.phase, one.cable
 
 
@@ -141,7 +143,7 @@ def apportioned(values: Sequence[float], step: float) -> list[int]:
     return found
 
 
-def _aside_words(found: Sequence[LeftAside]) -> str:
+def _aside_words(found: Sequence[ExcludedByMotion]) -> str:
     return ", ".join(aside_text(one.reason, one.share) for one in found)
 
 
@@ -169,11 +171,11 @@ def _part(part: ScorePart) -> str:
 
 def aside_sentence(diagnosis: Diagnosis) -> str:
     """What share of the time is left aside, or weighed less, and why; empty where that is not known."""
-    whole = sum(one.seconds / one.share for one in diagnosis.left_aside if one.reason == "ramp")
+    whole = sum(one.seconds / one.share for one in diagnosis.excluded_by_motion if one.reason == "ramp")
     if not whole > 0:
         return ""
     shares = {
-        reason: sum(one.seconds for one in diagnosis.left_aside if one.reason == reason) / whole
+        reason: sum(one.seconds for one in diagnosis.excluded_by_motion if one.reason == reason) / whole
         for reason in ASIDE_WORDS
     }
     said = {

@@ -7,7 +7,7 @@ import pytest
 
 from fingerlab.core.errors import UserError
 from fingerlab.diagnosis import diagnose
-from fingerlab.diagnosis.answer.errors import ParametersAtHand
+from fingerlab.diagnosis.answer.errors import ParameterExplorer
 from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.diagnosis.equations.parameters import nuisance_ranges
 from fingerlab.diagnosis.gram.reduction import Reduction
@@ -40,12 +40,12 @@ def found(session: Session, kept: Reduction) -> Diagnosis:
 
 
 @pytest.fixture(scope="module")
-def at_hand(kept: Reduction, found: Diagnosis) -> ParametersAtHand:
-    return ParametersAtHand(kept, found)
+def at_hand(kept: Reduction, found: Diagnosis) -> ParameterExplorer:
+    return ParameterExplorer(kept, found)
 
 
 def test_every_parameter_has_value_interval_bounds_unit_and_source(
-    at_hand: ParametersAtHand, found: Diagnosis
+    at_hand: ParameterExplorer, found: Diagnosis
 ) -> None:
     assert {one.key for one in at_hand.parameters} == set(found.parameters)
     by_key = {one.key: one for one in at_hand.parameters}
@@ -64,7 +64,7 @@ def test_every_parameter_has_value_interval_bounds_unit_and_source(
     assert source
 
 
-def test_as_fitted_it_says_what_the_diagnosis_said(at_hand: ParametersAtHand, found: Diagnosis) -> None:
+def test_as_fitted_it_says_what_the_diagnosis_said(at_hand: ParameterExplorer, found: Diagnosis) -> None:
     fitted = found.fitted
     assert fitted is not None
     told = np.sqrt(1.0 + fitted.in_sample[:, 0].sum() / fitted.count)
@@ -75,7 +75,7 @@ def test_as_fitted_it_says_what_the_diagnosis_said(at_hand: ParametersAtHand, fo
 
 
 def test_a_moved_value_moves_the_curve_by_what_the_equation_says(
-    at_hand: ParametersAtHand, found: Diagnosis
+    at_hand: ParameterExplorer, found: Diagnosis
 ) -> None:
     """A viscous torque is c times speed: 1 mN m s/rad more adds a thousandth of the speed to the torque."""
     key, more = f"{EFFECT}.viscous_mcp", 1e-3
@@ -92,7 +92,7 @@ def test_a_moved_value_moves_the_curve_by_what_the_equation_says(
     assert moved.errors["cable_kinematics"].rmse == at_hand.as_fitted.errors["cable_kinematics"].rmse
 
 
-def test_others_that_follow_leave_less(at_hand: ParametersAtHand, found: Diagnosis) -> None:
+def test_others_that_follow_leave_less(at_hand: ParameterExplorer, found: Diagnosis) -> None:
     wanted = 1.03 * found.parameters[ARM].value
     alone, followed = at_hand.what_if({ARM: wanted}), at_hand.what_if({ARM: wanted}, follow=True)
     assert alone.values[ARM] == pytest.approx(wanted)
@@ -115,7 +115,7 @@ def test_what_is_held_stays_and_is_named_wherever_the_verdict_is(
     assert held.to_json()["held"] == {ARM: wanted}
     assert story([found, held])[0].title.startswith("Moment arm at the PIP, extension cable held at")
     assert story([held, found])[0].title == "Nothing held any more"
-    laid_out = ParametersAtHand(kept, held)
+    laid_out = ParameterExplorer(kept, held)
     (one,) = [p for p in laid_out.parameters if p.held]
     assert one.key == ARM
     assert one.low < wanted < one.high

@@ -49,13 +49,13 @@ def test_moved_zeros_and_spikes_are_told_with_their_size_beside_the_effect() -> 
     assert [0.5 * (one.start + one.stop) for one in shaded] == pytest.approx(
         [k + 0.007 for k in range(int(first.time[0]) + 1, int(first.time[-1]) + 1)], abs=1e-6
     )
-    told = [one for one in found.left_aside if one.reason == "spikes"]
+    told = [one for one in found.excluded_by_motion if one.reason == "spikes"]
     assert sum(one.seconds for one in told) == pytest.approx(0.001 * spikes.size, rel=0.02)
     # What is shaded of a run and what is judged of it are all of it.
     length = next(run.seconds for run in session.runs if run.name == first.run)
     edges = [(one.start, one.stop) for one in first.aside if one.reason == "ramp"]
     assert sum(stop - start for start, stop in edges) + 0.04 * len(first.time) == pytest.approx(length)
-    ramp = next(one for one in found.left_aside if one.reason == "ramp" and first.run in one.runs)
+    ramp = next(one for one in found.excluded_by_motion if one.reason == "ramp" and first.run in one.runs)
     assert 1.0 - 0.04 * len(first.time) / length == pytest.approx(ramp.share, abs=0.01)
 
 

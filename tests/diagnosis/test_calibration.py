@@ -31,7 +31,7 @@ from tests.hidden.sweep.calibrate import (
 
 EFFECTS = ("coulomb_friction", "stribeck_friction", "cable_stretch")
 VERDICT = "missing_effect"
-PLAIN = ProbabilityMap(verdict_lapse=-700.0, lapse=-700.0)
+PLAIN = ProbabilityMap(uninformative_verdict=-700.0, uninformative_effect=-700.0)
 SESSION = {"runs": 10.0, "seconds": 20.0, "rate": 1000.0, "floor": 0.1, "score": 3.0, "left": 1.1}
 
 
@@ -52,15 +52,22 @@ def test_a_map_that_changes_nothing_gives_the_odds_back() -> None:
 
 def test_sharpness_is_a_power_of_the_odds() -> None:
     odds = Odds(EFFECTS, np.array([0.8, 0.2, 0.0]), np.zeros(3), 0.0, 0.0)
-    half = ProbabilityMap(verdict_lapse=-700.0, lapse=-700.0, effect=0.5)
+    half = ProbabilityMap(uninformative_verdict=-700.0, uninformative_effect=-700.0, effect=0.5)
     told = half.probabilities(odds)
     assert told[0] / told[1] == pytest.approx(math.sqrt(0.8 / 0.2), rel=1e-6)
     assert told.sum() == pytest.approx(1.0)
     # A lapse in every second session, where all effects are as likely: 0.5 * share + 0.5 / 3.
-    lapses = ProbabilityMap(verdict_lapse=-700.0, lapse=0.0, blunt=0.0)
+    lapses = ProbabilityMap(
+        uninformative_verdict=-700.0, uninformative_effect=0.0, sharpness_uninformative=0.0
+    )
     assert lapses.probabilities(odds)[:3] == pytest.approx([0.4 + 1 / 6, 0.1 + 1 / 6, 1 / 6], abs=1e-6)
     # What a path leaves makes it likelier: the odds of it are e times as large at e floors.
-    more = ProbabilityMap(verdict_lapse=-700.0, lapse=0.0, lapse_left=1.0, blunt=0.0)
+    more = ProbabilityMap(
+        uninformative_verdict=-700.0,
+        uninformative_effect=0.0,
+        uninformative_effect_slope=1.0,
+        sharpness_uninformative=0.0,
+    )
     share = math.e / (1.0 + math.e)
     assert more.probabilities(odds, left=math.e)[2] == pytest.approx(share / 3, abs=1e-6)
 
@@ -69,11 +76,11 @@ def test_what_stands_in_place_of_a_given_effect_keeps_the_odds_of_whole_models()
     """Whatever trials say of effects beside a model: three models in four are the one as given."""
     rest, instead = np.array([0.1, 0.0, 0.05]), np.array([0.0, 0.25, 0.0])
     odds = Odds(EFFECTS, rest, np.zeros(3), 0.55, 0.05, instead)
-    quiet = ProbabilityMap(verdict=0.5, quiet=-3.0, verdict_lapse=-1.0, lapse=-700.0)
+    quiet = ProbabilityMap(verdict=0.5, quiet=-3.0, uninformative_verdict=-1.0, uninformative_effect=-700.0)
     beside = quiet.probabilities(Odds(EFFECTS, rest, np.zeros(3), 0.55, 0.05))
     assert quiet.probabilities(odds) == pytest.approx(0.75 * beside + [0.0, 0.25, 0.0, 0.0, 0.0])
     # Where in every second session no law is the bench's, half as much stands for the exchange.
-    lapses = quiet.probabilities(odds) - replace(quiet, lapse=0.0).probabilities(odds)
+    lapses = quiet.probabilities(odds) - replace(quiet, uninformative_effect=0.0).probabilities(odds)
     assert lapses[1] > 0.1
 
 
@@ -206,5 +213,5 @@ def test_the_table_that_comes_with_the_program_can_be_read() -> None:
     known = calibration()
     assert 0.0 <= known.error < 1.0
     assert 0.0 <= known.coverage <= 1.0
-    assert list(known.oddness) == sorted(known.oddness)
+    assert list(known.typicality_quantiles) == sorted(known.typicality_quantiles)
     assert "any" in known.thresholds

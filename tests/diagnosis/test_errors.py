@@ -155,11 +155,11 @@ def floors_of_runs(
 
 def test_what_runs_of_one_motion_differ_by_is_part_of_the_floor() -> None:
     """A friction c times speed that differs from run to run adds c's variance times mean square speed."""
-    wandering = (0.6e-3, 1.4e-3, 1.0e-3, 1.8e-3)
+    run_varying = (0.6e-3, 1.4e-3, 1.0e-3, 1.8e-3)
     steady, _ = floors_of_runs([1.2e-3] * 4)
-    found, speed = floors_of_runs(wandering)
+    found, speed = floors_of_runs(run_varying)
     added = found["motor_torque"].floor ** 2 - steady["motor_torque"].floor ** 2
-    assert np.sqrt(added) == pytest.approx(np.std(wandering, ddof=1) * speed, rel=0.15)
+    assert np.sqrt(added) == pytest.approx(np.std(run_varying, ddof=1) * speed, rel=0.15)
 
 
 def test_what_runs_of_one_motion_differ_by_on_their_averages_is_part_of_it() -> None:

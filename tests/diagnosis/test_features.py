@@ -154,7 +154,7 @@ def test_friction_on_a_turned_face_has_the_levers_of_that_face() -> None:
     shape = next(i for i, s in enumerate(tilt.shapes) if s["cell_stays"] and s["turn_deg"] > 12.0)
     turned = replace(FINGER, wrist_angle=FINGER.wrist_angle + np.radians(tilt.shapes[shape]["turn_deg"]))
     level = {(f.row, f.parameter): values for f, values in base_columns(motion)}
-    friction = np.asarray(motion.slipping(18.0))
+    friction = np.asarray(motion.tip_slip_force(18.0))
     for row, joint in ((Row.MCP, "mcp"), (Row.PIP, "pip")):
         told = level[row, "lateral_slip_18"] + sum(
             f.factor * values

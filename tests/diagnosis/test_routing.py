@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fingerlab.diagnosis.equations.parameters import spread_of, tie
-from fingerlab.diagnosis.settings import TOLERANCES, USUAL_RATIOS, USUAL_SPREAD
+from fingerlab.diagnosis.settings import ARM_RATIO_SPREADS, USUAL_RATIOS, USUAL_SPREAD
 from fingerlab.rig.file import Motor, Rig
 
 INDEX = {
@@ -39,9 +39,9 @@ def test_a_swap_of_the_arms_is_beyond_the_edge() -> None:
     assert held is not None
     # 40 % less at MCP and 20 % more at PIP: log distances 0.51 and 0.18, together 0.54, the reach 0.33.
     assert held.cost(arms(np.log(0.6), np.log(1.2))) == pytest.approx(
-        1e7 * (np.hypot(np.log(0.6), np.log(1.2)) - TOLERANCES * USUAL_SPREAD) ** 2
+        1e7 * (np.hypot(np.log(0.6), np.log(1.2)) - ARM_RATIO_SPREADS * USUAL_SPREAD) ** 2
     )
-    edge = TOLERANCES * USUAL_SPREAD
+    edge = ARM_RATIO_SPREADS * USUAL_SPREAD
     assert held.cost(arms(-0.999 * edge, 0.0)) == 0.0
     assert held.cost(arms(0.0, 1.001 * edge)) > 0.0
 

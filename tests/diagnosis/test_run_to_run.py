@@ -12,7 +12,7 @@ from fingerlab.diagnosis.fit.random_effects import RandomEffects
 from fingerlab.diagnosis.fit.solver import Fitter
 from fingerlab.diagnosis.gram.sums import Reduced
 from fingerlab.diagnosis.score.scorer import Scorer, explained
-from fingerlab.diagnosis.settings import SET_DOWN_N, WANDER
+from fingerlab.diagnosis.settings import RUN_VARIATION, SET_DOWN_N
 from fingerlab.effects import CATALOGUE
 from tests.reduced import reduce_sessions
 
@@ -130,7 +130,7 @@ def test_friction_of_each_run_s_own_costs_a_fit_what_it_costs_the_best_of_its_si
 
         def misfit(unusual: np.ndarray) -> float:
             own = values.copy()
-            own[places] *= 1.0 + WANDER * unusual
+            own[places] *= 1.0 + RUN_VARIATION * unusual
             told = trial.model.features(own, group)
             return float(told @ usual.part(i, (k,)).matrix @ told + unusual @ unusual)
 

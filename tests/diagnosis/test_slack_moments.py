@@ -9,7 +9,7 @@ import numpy as np
 
 from fingerlab.diagnosis.fit.noise import _factor, _limited
 from fingerlab.diagnosis.gram.decimation import counted, taut_moments
-from fingerlab.diagnosis.settings import MOST_NOISE, RIDGE, SLACK_TENSION_N
+from fingerlab.diagnosis.settings import GRAM_RIDGE, MOST_NOISE, SLACK_TENSION_N
 from fingerlab.physics.motion import Motion
 from tests.effects.moving import MOTOR, moving
 
@@ -62,7 +62,7 @@ def test_products_that_are_rounding_alone_have_a_factor_all_the_same() -> None:
     sizes = np.array([2.0, 1.0, 1.0, 1.0, 1.0, -1e-7])  # a difference of products that are nearly the same
     factor = _factor((directions * sizes) @ directions.T)
     made = (directions * np.maximum(sizes, 0.0)) @ directions.T
-    assert np.allclose(factor @ factor.T, made + RIDGE * np.eye(6), atol=1e-12)
+    assert np.allclose(factor @ factor.T, made + GRAM_RIDGE * np.eye(6), atol=1e-12)
 
 
 def test_noise_that_is_far_larger_than_the_whole_is_cut_to_a_share_of_it() -> None:
@@ -75,6 +75,6 @@ def test_noise_that_is_far_larger_than_the_whole_is_cut_to_a_share_of_it() -> No
     size = np.sqrt(np.diag(whole))
     scaled = limited / np.outer(size, size)
     assert np.linalg.eigvalsh(scaled).min() > -1e-12
-    lifted = whole / np.outer(size, size) + RIDGE * np.eye(8)
+    lifted = whole / np.outer(size, size) + GRAM_RIDGE * np.eye(8)
     assert np.linalg.eigvalsh(MOST_NOISE * lifted - scaled).min() > -1e-12
     assert np.diag(scaled).max() > 0.9

@@ -151,7 +151,7 @@ def test_a_layout_does_not_depend_on_the_run_it_is_made_from() -> None:
     session = made.session(made.Bench(), 1, contact=1)
     effects = list(CATALOGUE.values())
     layouts = [
-        layout_of(next(segments_of(run, session.rig)).glimpse(), session, effects)
+        layout_of(next(segments_of(run, session.rig)).head(), session, effects)
         for run in (session.runs[0], session.runs[-1])
     ]
     assert np.array_equal(layouts[0].signals, layouts[1].signals)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fingerlab.diagnosis.answer.results import AsideStretch, Comparison
+from fingerlab.diagnosis.answer.results import Comparison, ExcludedInterval
 from fingerlab.diagnosis.answer.where import COORDINATES, profile, stretches_in, worst_run
 from fingerlab.report.diagnosis_figures import where_figure
 from fingerlab.report.diagnosis_words import axis_title, bin_words, miss_words, worst_words
@@ -100,7 +100,7 @@ def test_one_bad_run_is_named_and_found_in_any_coordinate() -> None:
 def test_a_standstill_that_is_left_aside_is_no_failure() -> None:
     held = (TIME > 20.0) & (TIME < 24.0)
     run = comparison("001", np.where(held, 10 * FRICTION, RUBBING))
-    at_rest = replace(run, aside=(AsideStretch("standstill", 20.0, 24.0),))
+    at_rest = replace(run, aside=(ExcludedInterval("standstill", 20.0, 24.0),))
     for coordinate in ("time", "tension", "speed"):
         found = profile([at_rest], "pip_torque", coordinate)
         assert found is not None

@@ -30,14 +30,14 @@ def test_it_slides_while_the_load_rises_and_turns_round_on_the_way_down() -> Non
 
 
 def test_no_contact_rubs_nothing() -> None:
-    assert pressed(None).slipping(STIFFNESS) == pytest.approx([0.0])
-    assert pressed(np.full(9, 0.5)).slipping(STIFFNESS) == pytest.approx(np.zeros(9))
-    assert pressed(np.array([0.5, -0.1, 0.0])).slipping(STIFFNESS)[1:] == pytest.approx([0.0, 0.0])
+    assert pressed(None).tip_slip_force(STIFFNESS) == pytest.approx([0.0])
+    assert pressed(np.full(9, 0.5)).tip_slip_force(STIFFNESS) == pytest.approx(np.zeros(9))
+    assert pressed(np.array([0.5, -0.1, 0.0])).tip_slip_force(STIFFNESS)[1:] == pytest.approx([0.0, 0.0])
 
 
 @pytest.mark.parametrize("stiffness", SLIP_STIFFNESSES)
 def test_it_leaves_the_mean_to_a_force_that_leans(stiffness: float) -> None:
     force = 0.8 + 0.3 * np.sin(np.linspace(0, 12 * np.pi, 3000))
-    column = pressed(force).slipping(stiffness)
+    column = pressed(force).tip_slip_force(stiffness)
     assert column.mean() == pytest.approx(0.0, abs=1e-12)
     assert np.ptp(column) > 0.2

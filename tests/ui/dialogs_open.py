@@ -380,7 +380,7 @@ DIALOGS = (
     Surface(
         "Save model",
         (lambda s: s.tab("model_lab").actions.ask_and_save(),),
-        ("lab/truth.py:ResultActions.ask_and_save",),
+        ("lab/validation.py:ResultActions.ask_and_save",),
         "model_lab",
     ),
     Surface(

@@ -30,7 +30,7 @@ from ..app.context import part_of
 from ..app.worker import IsCancelled, Progress, Work, Worker
 
 if TYPE_CHECKING:
-    from fingerlab.diagnosis.answer.errors import ParametersAtHand
+    from fingerlab.diagnosis.answer.errors import ParameterExplorer
     from fingerlab.diagnosis.draft.laws import DraftLaw
     from fingerlab.diagnosis.gram.reduction import Reduction
 
@@ -145,12 +145,12 @@ class SessionDiagnosis:
 
     def at_hand(
         self, sessions: Sequence[Session], diagnosis: Diagnosis, progress: Progress, cancelled: IsCancelled
-    ) -> ParametersAtHand:
+    ) -> ParameterExplorer:
         """The parameters of a diagnosed model, to be moved; called in the worker, too."""
         from fingerlab.core.progress import Watch
-        from fingerlab.diagnosis.answer.errors import ParametersAtHand
+        from fingerlab.diagnosis.answer.errors import ParameterExplorer
 
-        return ParametersAtHand(self._reduction(sessions), diagnosis, Watch(progress, cancelled))
+        return ParameterExplorer(self._reduction(sessions), diagnosis, Watch(progress, cancelled))
 
     def drafted(
         self, sessions: Sequence[Session], diagnosis: Diagnosis, progress: Progress, cancelled: IsCancelled
@@ -298,17 +298,17 @@ class LabController(QObject):
             title = "Refitting with what is held" if held else "Refitting with everything free"
             self.go_to((self.history.now.added, tuple(sorted(held.items()))), title)
 
-    def lay_out(self, done: Callable[[ParametersAtHand], None]) -> None:
+    def lay_out(self, done: Callable[[ParameterExplorer], None]) -> None:
         """Have the parameters of the present model at hand, in the background."""
         sessions, diagnosis = self.sessions, self.diagnosis
         if diagnosis is None or diagnosis.fitted is None:
             return
         fitted = diagnosis
 
-        def work(progress: Progress, cancelled: IsCancelled) -> ParametersAtHand:
+        def work(progress: Progress, cancelled: IsCancelled) -> ParameterExplorer:
             return self._at_hand(sessions, fitted, progress, cancelled)
 
-        def if_still_shown(found: ParametersAtHand) -> None:
+        def if_still_shown(found: ParameterExplorer) -> None:
             if self.diagnosis is fitted:
                 done(found)
 

@@ -27,7 +27,7 @@ from .lab_frame import BetterModelBanner, StepsColumn
 from .model_dialogs import ScorePartsDialog
 from .parameters import ParametersPanel
 from .result_words import NOTHING, UNKNOWN, best_choice, equation_text, find_candidate, step_results
-from .truth import TruthPanel
+from .validation import ValidationPanel
 from .where import WherePanel
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ class LabView(QWidget):
         self.candidates = CandidatesPanel()
         self.evidence = EvidencePanel()
         self.where = WherePanel()
-        self.truth = TruthPanel()
+        self.validation = ValidationPanel()
         self.path = PathPanel()
         self.better = BetterModelBanner()
         self.parameters = ParametersPanel()
@@ -75,7 +75,7 @@ class LabView(QWidget):
         upper = QWidget()
         vbox(upper, self.bar, self.legend, (self.plot, 1), margins=FLUSH, spacing=4)
         self.right = QStackedWidget()
-        for panel in (self.evidence, self.where, self.truth):
+        for panel in (self.evidence, self.where, self.validation):
             self.right.addWidget(panel)
         middle = QWidget()
         beside = QWidget()
@@ -109,8 +109,8 @@ class LabView(QWidget):
         self.better.exchange_asked.connect(self.controller.exchange)
         self.path.undo_asked.connect(self.controller.undo)
         self.path.redo_asked.connect(self.controller.redo)
-        self.truth.runs.run_chosen.connect(lambda run: self.bar.go_to(self.bar.equation() or "", run))
-        self.truth.report_asked.connect(self.report_asked)
+        self.validation.runs.run_chosen.connect(lambda run: self.bar.go_to(self.bar.equation() or "", run))
+        self.validation.report_asked.connect(self.report_asked)
         self.numbers.clicked.connect(self.show_parameters)
         self.parameters.moved.connect(self._show_comparison)
         self.parameters.refit_asked.connect(self.controller.hold)
@@ -139,7 +139,7 @@ class LabView(QWidget):
             self.evidence.show_choice(None, None)
             self.where.show_equation((), None)
             self.path.show_history(None)
-            self.truth.show_history(None)
+            self.validation.show_history(None)
             self.steps.set_results({})
             self.steps.set_current("compare")
             return
@@ -160,15 +160,15 @@ class LabView(QWidget):
         self.path.show_history(history)
         self.path.path.show_forecast(best_choice(diagnosis))
         pressed = any(run.phase == "contact" for one in self.controller.sessions for run in one.runs)
-        self.truth.show_history(history, pressed)
+        self.validation.show_history(history, pressed)
         self.steps.set_results(step_results(diagnosis, history))
         if history.now.added or diagnosis.verdict == NOTHING:
             self.steps.set_current("true")
         else:
             self.steps.set_current("missing" if diagnosis.verdict == UNKNOWN else "add")
         # Where nothing is missing but not all was visible, the proposed run is what to look at next.
-        truth = history.now.added or not_shown(diagnosis)
-        self.right.setCurrentWidget(self.truth if truth else self.evidence)
+        validation = history.now.added or not_shown(diagnosis)
+        self.right.setCurrentWidget(self.validation if validation else self.evidence)
         if first_look:
             self.candidates.view.setFocus()
 
@@ -246,7 +246,7 @@ class LabView(QWidget):
             return
         if self.shows_parameters:
             self.leave_parameters()
-        self.right.setCurrentWidget({"true": self.truth, "where": self.where}.get(step, self.evidence))
+        self.right.setCurrentWidget({"true": self.validation, "where": self.where}.get(step, self.evidence))
         self._show_where()
         if step == "compare":
             self.plot.show_whole()
@@ -263,7 +263,7 @@ class LabView(QWidget):
             target = self.candidates.add_button
             (target if target.isEnabled() else self.candidates.view).setFocus()
         else:
-            self.truth.report.setFocus()
+            self.validation.report.setFocus()
 
     @property
     def looked_at(self) -> View:

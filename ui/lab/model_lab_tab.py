@@ -16,11 +16,11 @@ from fingerlab.diagnosis.answer.results import EQUATION_TITLES
 from ..app.context import ApplicationContext
 from ..app.tab_registry import SEPARATOR, Command, Tab
 from ..app.worker import IsCancelled, Progress
-from . import practice, truth
+from . import practice, validation
 from .controller import DiagnoseCall, LabController
 from .lab_frame import STEPS, LabHeader, LabStartPage, WaitingPage
 from .result_words import sessions_text
-from .truth import ResultActions
+from .validation import ResultActions
 
 if TYPE_CHECKING:
     from fingerlab.diagnosis.draft.laws import DraftLaw
@@ -97,9 +97,9 @@ class ModelLabTab(Tab):
         view.candidates.own_asked.connect(self.write_own_effect)
         view.looked_elsewhere.connect(self._glance.start)
         view.parameters.history.changed.connect(self.context.commands_changed)
-        view.truth.hand_asked.connect(self.actions.hand_experiment)
-        view.truth.predict_asked.connect(self.actions.predict)
-        view.truth.save_asked.connect(self.actions.ask_and_save)
+        view.validation.hand_asked.connect(self.actions.hand_experiment)
+        view.validation.predict_asked.connect(self.actions.predict)
+        view.validation.save_asked.connect(self.actions.ask_and_save)
         for signal in self._changes():  # the tab after the view, whose buttons it asks
             signal.disconnect(self._refresh)
             signal.connect(self._refresh)
@@ -150,15 +150,15 @@ class ModelLabTab(Tab):
             ),
             Command(
                 "&Hand the proposed recording to Acquire",
-                lambda: self.view.truth.hand.click(),
+                lambda: self.view.validation.hand.click(),
                 None,
                 self._proposed,
             ),
             Command(
                 "&Predict the force with this model",
-                lambda: self.view.truth.predict.click(),
+                lambda: self.view.validation.predict.click(),
                 None,
-                lambda: self._compared() and self.view.truth.predict.isEnabled(),
+                lambda: self._compared() and self.view.validation.predict.isEnabled(),
             ),
             Command("Save &model…", self.actions.ask_and_save, "Ctrl+Shift+M", compared),
             Command("&Open a saved model…", self.open_model, None, lambda: bool(self.controller.sessions)),
@@ -177,12 +177,12 @@ class ModelLabTab(Tab):
     def open_model(self) -> None:
         """Show the open sessions with the effects of a saved model."""
         name, _ = QFileDialog.getOpenFileName(
-            self.widget, "Open a saved model", self.context.settings.folder(), truth.MODELS
+            self.widget, "Open a saved model", self.context.settings.folder(), validation.MODELS
         )
         if not name:
             return
         try:
-            self.controller.wanted = truth.model_of(Path(name))
+            self.controller.wanted = validation.model_of(Path(name))
         except UserError as error:
             self.context.tell(str(error))
             return
@@ -359,7 +359,7 @@ class ModelLabTab(Tab):
         path, models = Path(name), [step.diagnosis for step in history.done]
 
         def work(progress: Progress, cancelled: IsCancelled) -> Path:
-            return truth.write_page(sessions, path, models, progress, cancelled)
+            return validation.write_page(sessions, path, models, progress, cancelled)
 
         self.context.tasks.start(
             "Writing the report page",
@@ -385,7 +385,7 @@ class ModelLabTab(Tab):
         self.empty.show_recording(self._recording)
 
     def _proposed(self) -> bool:
-        return self._compared() and self.view.truth.hand.isEnabled()
+        return self._compared() and self.view.validation.hand.isEnabled()
 
     def _compared(self) -> bool:
         return self.controller.history is not None

@@ -29,7 +29,7 @@ from .comparison_curves import joined, run_key
 from .result_words import error_texts
 
 if TYPE_CHECKING:
-    from fingerlab.diagnosis.answer.errors import FittedParameter, ParametersAtHand, WhatIf
+    from fingerlab.diagnosis.answer.errors import FittedParameter, ParameterExplorer, WhatIf
 
 STEPS = 1000
 """Places of the slider."""
@@ -72,7 +72,7 @@ class ParametersPanel(QWidget):
         self.setObjectName("parametersPanel")
         self.history: UndoSteps[ParameterChange] = UndoSteps(self)
         self.what_if: WhatIf | None = None
-        self._at_hand: ParametersAtHand | None = None
+        self._at_hand: ParameterExplorer | None = None
         self._held: Mapping[str, float] = {}
         self._now = ParameterChange({}, frozenset())
         self._moving = ""  # the parameter whose moves are one step until it is let go
@@ -127,7 +127,7 @@ class ParametersPanel(QWidget):
     # what is shown
 
     def show_model(
-        self, at_hand: ParametersAtHand | None, diagnosis: Diagnosis | None, moved: Held = ()
+        self, at_hand: ParameterExplorer | None, diagnosis: Diagnosis | None, moved: Held = ()
     ) -> None:
         """The parameters of another model, those moved that were; None: they are not there (yet)."""
         self._at_hand, self._held = at_hand, dict(diagnosis.held) if diagnosis is not None else {}
@@ -310,7 +310,7 @@ class ParametersPanel(QWidget):
         self._show_chosen()
         self.moved.emit()
 
-    def _tell(self, at_hand: ParametersAtHand) -> None:
+    def _tell(self, at_hand: ParameterExplorer) -> None:
         first, now = at_hand.as_fitted, self.what_if or at_hand.as_fitted
         for row, one in enumerate(self._ordered()):
             unit, moved, places = self._unit(one), self._value(one), places_of(one, self._unit(one))

@@ -12,7 +12,14 @@ from PySide6.QtWidgets import QComboBox, QLabel, QStackedWidget, QWidget
 
 from fingerlab.core.text import ScreenUnit, largest_of, screen_unit
 from fingerlab.diagnosis.answer.results import Comparison
-from fingerlab.diagnosis.answer.where import COORDINATES, SHAPES, Profile, Shape, most_orderly, profile
+from fingerlab.diagnosis.answer.where import (
+    COORDINATES,
+    SHAPES,
+    Profile,
+    ResidualFigure,
+    most_orderly,
+    profile,
+)
 from fingerlab.report.diagnosis_words import (
     PHASE_WORDS,
     axis_title,
@@ -185,10 +192,10 @@ class ShapePlot(QuietPlot):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__("shapePlot", "Loop, autocorrelation or spectrum of the run shown", parent)
-        self.shape: Shape | None = None
+        self.shape: ResidualFigure | None = None
         self.quantity = ""
 
-    def show_shape(self, shape: Shape | None, quantity: str = "") -> None:
+    def show_shape(self, shape: ResidualFigure | None, quantity: str = "") -> None:
         """Another picture; None: none can be drawn. ``quantity``: what stands upwards, if not the shape's."""
         self.shape, self.quantity = shape, quantity
         self.redraw()

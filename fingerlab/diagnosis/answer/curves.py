@@ -11,8 +11,8 @@ import numpy as np
 from fingerlab.diagnosis.answer.results import (
     EQUATION_TITLES,
     ROW_EQUATIONS,
-    AsideStretch,
     Comparison,
+    ExcludedInterval,
     Failure,
     Fingerprint,
 )
@@ -131,7 +131,7 @@ class Display:
         slack = best >= 0 and evidence.candidates[best].model.slack_free
         scales = reduced.layout.scales
         failure = _failure(
-            comparisons, self.stretches, slack, bool(evidence.base.model.sticking), scales.time
+            comparisons, self.stretches, slack, bool(evidence.base.model.stiction), scales.time
         )
         if scales != SI:
             comparisons = [_comparison_in_si(one, scales) for one in comparisons]
@@ -161,7 +161,7 @@ CABLE = ROW_EQUATIONS[Row.CABLE]
 
 def _aside(
     last: Kept | None, kept: Kept, following: Kept | None, fitted: FittedModel
-) -> tuple[AsideStretch, ...]:
+) -> tuple[ExcludedInterval, ...]:
     """What of a stretch, and of its run before it and behind it, is left aside.
 
     Args:
@@ -177,12 +177,12 @@ def _aside(
     if not of_this_run(following):
         around.append((kept.time[-1] + half, kept.run_ends))
     reasons = {"ramp": around, "slack": _where(~kept.taut, kept.time, half)}
-    if fitted.model.sticking:
+    if fitted.model.stiction:
         reasons["standstill"] = _where(kept.rest, kept.time, half)
     here = (kept.time[0] <= kept.repaired_at) & (kept.repaired_at <= kept.time[-1])
     reasons["spikes"] = [(t - half, t + half) for t in kept.repaired_at[here]]
     return tuple(
-        AsideStretch(reason, float(start), float(stop))
+        ExcludedInterval(reason, float(start), float(stop))
         for reason, stretches in reasons.items()
         for start, stop in stretches
         if stop > start
@@ -203,7 +203,7 @@ def _comparison_in_si(one: Comparison, scales: Scales) -> Comparison:
         one, time=one.time * scales.time, measured=one.measured * size, modelled=one.modelled * size,
         floor=one.floor * size, coordinates=places,
         aside=tuple(
-            AsideStretch(a.reason, a.start * scales.time, a.stop * scales.time) for a in one.aside
+            ExcludedInterval(a.reason, a.start * scales.time, a.stop * scales.time) for a in one.aside
         ),
     )  # fmt: skip
 
@@ -418,12 +418,12 @@ def _failure(
     comparisons: Iterable[Comparison],
     stretches: Iterable[Kept],
     slack_counts: bool,
-    sticking: bool,
+    stiction: bool,
     second: float,
 ) -> Failure | None:
     """The half second in which an equation misses most, in floors; ``second`` s to a reduced one.
 
-    ``sticking``: the model says nothing of a finger that stands still.
+    ``stiction``: the model says nothing of a finger that stands still.
     """
     worst: tuple[float, Comparison, int] | None = None
     length = int(0.5 * NARROW_RATE_HZ)
@@ -433,7 +433,7 @@ def _failure(
         spared = c.equation == "cable_kinematics" and not slack_counts
         floor = np.where(kept.taut, c.floor, SLACK_SPREAD_M) if spared else c.floor
         missed = np.nan_to_num((c.measured - c.modelled) / np.maximum(floor, 1e-12)) ** 2
-        if sticking:
+        if stiction:
             missed[kept.rest] = 0.0
         if len(missed) < length:
             continue

@@ -22,9 +22,9 @@ from fingerlab.diagnosis.answer.results import (
     Comparison,
     Diagnosis,
     EquationError,
+    ExcludedByMotion,
+    ExcludedTime,
     HeldOutRuns,
-    LeftAside,
-    RunAside,
     RunShare,
     ScorePart,
 )
@@ -264,31 +264,33 @@ def _parts_of_motions(
             )  # fmt: skip
 
 
-def run_asides(
+def excluded_times(
     reduction: Reduction, reduced: Reduced, fitted: FittedModel
-) -> tuple[tuple[RunAside, ...], tuple[LeftAside, ...]]:
+) -> tuple[tuple[ExcludedTime, ...], tuple[ExcludedByMotion, ...]]:
     """What of each run's time some equation, or none at all, is not judged by, and why; and by motions."""
     every = reduction.analysed
-    asides, found = list[RunAside](), list[LeftAside]()
+    excluded_by_motion, found = list[ExcludedTime](), list[ExcludedByMotion]()
     for group in reduced.groups:
         for condition in group.conditions:
             folds = [group.folds[k] for k in group.of_condition(condition)]
             totals = sorted((one for fold in folds for one in fold.totals), key=lambda one: one.number)
-            mine = [aside for one in totals for aside in _asides(reduction, one, bool(fitted.model.sticking))]
-            asides += mine
+            mine = [aside for one in totals for aside in _asides(reduction, one, bool(fitted.model.stiction))]
+            excluded_by_motion += mine
             runs = [every[one.number] for one in totals]
             names = tuple(run.name for run in runs)
             lasts = sum(_lasts(reduction, one.number) for one in totals)
             for equation, reason in dict.fromkeys((one.equation, one.reason) for one in mine):
                 seconds = sum(one.seconds for one in mine if one.reason == reason)
                 found.append(
-                    LeftAside(names, runs[0].phase, runs[0].cable, equation, reason, seconds / lasts, seconds)
+                    ExcludedByMotion(
+                        names, runs[0].phase, runs[0].cable, equation, reason, seconds / lasts, seconds
+                    )
                 )
-    return tuple(asides), tuple(found)
+    return tuple(excluded_by_motion), tuple(found)
 
 
-def _asides(reduction: Reduction, totals: RunTotals, sticking: bool) -> list[RunAside]:
-    """The same of one run; ``sticking``: friction of the model may hold any torque at rest."""
+def _asides(reduction: Reduction, totals: RunTotals, stiction: bool) -> list[ExcludedTime]:
+    """The same of one run; ``stiction``: friction of the model may hold any torque at rest."""
     number, (samples, slack, rest) = totals.number, totals.counts
     (session, name), run = reduction.runs[number], reduction.analysed[number]
     repairs = reduction.repairs[number]
@@ -299,13 +301,13 @@ def _asides(reduction: Reduction, totals: RunTotals, sticking: bool) -> list[Run
     shares = (
         ("", "ramp", 1.0 - float(samples) / whole - cut / length),
         ("cable_kinematics", "slack", float(slack) / whole),
-        ("", "standstill", float(rest) / whole if sticking else 0.0),
+        ("", "standstill", float(rest) / whole if stiction else 0.0),
         ("", "spikes", spikes / length),
         ("", "gap", (bridged + cut) / length),
     )
     lasts = _lasts(reduction, number)
     return [
-        RunAside(session, name, run.phase, run.cable, equation, reason, share, share * lasts)
+        ExcludedTime(session, name, run.phase, run.cable, equation, reason, share, share * lasts)
         for equation, reason, share in shares
         if share > 0
     ]
@@ -393,7 +395,7 @@ class WhatIf:
     offsets: RunOffsets
 
 
-class ParametersAtHand:
+class ParameterExplorer:
     """The model of one diagnosis, ready to be moved.
 
     Attributes:

@@ -41,18 +41,18 @@ FAMILIES = {
     "tip_depth": "endpoint_force",
 }
 """Family in ``diagnose --json`` of each equation that is scored; where a tip lies, its force says."""
-WHY_ASIDE = {
+EXCLUSION_REASONS = {
     "ramp": "ramp",
     "slack": "slack",
     "standstill": "standstill",
     "spikes": "outliers",
     "gap": "gap",
 }
-"""Reasons of :class:`RunAside`, and what ``diagnose --json`` calls them."""
+"""Reasons of :class:`ExcludedTime`, and what ``diagnose --json`` calls them."""
 
 
 @dataclass(frozen=True)
-class AsideStretch:
+class ExcludedInterval:
     """A stretch of a run, s from its start, that an equation leaves aside; ``reason`` as in LeftAside."""
 
     reason: str
@@ -82,7 +82,7 @@ class Comparison:
     floor: float
     held_out: bool = True
     coordinates: Mapping[str, Array] = field(default_factory=dict)
-    aside: tuple[AsideStretch, ...] = ()
+    aside: tuple[ExcludedInterval, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -246,7 +246,8 @@ class ScorePart:
     Attributes:
         runs: their names. phase, cable: as in the session format. equation: "mcp_torque" and so on.
         samples: share of all samples that these runs hold, 0 to 1.
-        left_aside: share of these runs' samples at which the equation says nothing (a slack cable), 0 to 1.
+        excluded_by_motion: share of these runs' samples at which the equation says nothing, such as where
+            a cable is slack, 0 to 1.
         squared: all of these, and 1 for the floor, sum to the square of the score.
     """
 
@@ -255,7 +256,7 @@ class ScorePart:
     cable: str
     equation: str
     samples: float
-    left_aside: float
+    excluded_by_motion: float
     squared: float
 
 
@@ -333,7 +334,7 @@ class RunShare:
     Attributes:
         session, run, phase, cable: which run. equation: the family, "joint_torque" and so on.
         samples: share of all samples that the run holds, 0 to 1.
-        left_aside: as of :class:`ScorePart`.
+        excluded_by_motion: as of :class:`ScorePart`.
         squared: all of these, and 1 for the floor, sum to the square of the score.
         share: the same with the floor's 1 dealt to runs and equations by samples; all sum to the square.
     """
@@ -344,17 +345,18 @@ class RunShare:
     cable: str
     equation: str
     samples: float
-    left_aside: float
+    excluded_by_motion: float
     squared: float
     share: float
 
 
 @dataclass(frozen=True)
-class RunAside:
+class ExcludedTime:
     """How much of one run an equation is not judged by, and why.
 
     Attributes:
-        session, run, phase, cable: which run. equation, reason, share, seconds: as of :class:`LeftAside`.
+        session, run, phase, cable: which run.
+        equation, reason, share, seconds: as of :class:`ExcludedByMotion`.
     """
 
     session: str
@@ -368,11 +370,11 @@ class RunAside:
 
     def to_json(self) -> dict[str, Any]:
         """The object "left_aside" of ``diagnose --json``."""
-        return {**vars(self), "why": WHY_ASIDE[self.reason], "runs": [self.run]}
+        return {**vars(self), "why": EXCLUSION_REASONS[self.reason], "runs": [self.run]}
 
 
 @dataclass(frozen=True)
-class LeftAside:
+class ExcludedByMotion:
     """How much of the runs of one motion an equation is not judged by, and why.
 
     Attributes:
@@ -481,9 +483,9 @@ class Diagnosis:
     failure: Failure | None = None
     held_out: tuple[HeldOutRuns, ...] = ()
     score_parts: tuple[ScorePart, ...] = ()
-    left_aside: tuple[LeftAside, ...] = ()
+    excluded_by_motion: tuple[ExcludedByMotion, ...] = ()
     run_shares: tuple[RunShare, ...] = ()
-    run_asides: tuple[RunAside, ...] = ()
+    excluded_times: tuple[ExcludedTime, ...] = ()
     repeats: bool = True
     floor_from: FloorFrom = "cycles"
     bench: tuple[BenchFinding, ...] = ()
@@ -540,7 +542,7 @@ class Diagnosis:
             "floor_from_repetition": self.repeats,
             "floor_from": self.floor_from,
             "score_parts": [vars(part) | {"runs": [part.run]} for part in self.run_shares],
-            "left_aside": [one.to_json() for one in self.run_asides],
+            "left_aside": [one.to_json() for one in self.excluded_times],
             "bench": [one.to_json() for one in self.bench],
             **({"paired": [asdict(one) for one in self.paired]} if self.paired else {}),
             "better_model": None if self.better is None else self.better.to_json(),

@@ -253,7 +253,7 @@ SURE = 1.96
 
 
 @dataclass(frozen=True)
-class Shape:
+class ResidualFigure:
     """Curves of one run over one another.
 
     Attributes:
@@ -268,7 +268,7 @@ class Shape:
     chance: float = 0.0
 
 
-def _over(comparison: Comparison, source: str, words: tuple[str, str], title: str) -> Shape | None:
+def _over(comparison: Comparison, source: str, words: tuple[str, str], title: str) -> ResidualFigure | None:
     place = comparison.coordinates.get(source)
     if place is None:
         return None
@@ -278,7 +278,7 @@ def _over(comparison: Comparison, source: str, words: tuple[str, str], title: st
         "measured": (place, _finer(comparison.measured)),
         "modelled": (place, _finer(comparison.modelled)),
     }
-    return Shape(title, words, up, curves)
+    return ResidualFigure(title, words, up, curves)
 
 
 FINER = 6
@@ -301,7 +301,7 @@ def _finer(values: Array) -> Array:
     return np.asarray(result)
 
 
-def angle_loop(comparison: Comparison) -> Shape | None:
+def angle_loop(comparison: Comparison) -> ResidualFigure | None:
     """Measured and modelled over the joint's angle, or the motor's; None where neither is known."""
     joint = JOINTS.get(comparison.equation, "pip")
     found = _over(
@@ -310,7 +310,7 @@ def angle_loop(comparison: Comparison) -> Shape | None:
     return found or _over(comparison, "motor angle", ("Motor angle", "rad"), "Loop over the angle")
 
 
-def tension_loop(comparison: Comparison) -> Shape | None:
+def tension_loop(comparison: Comparison) -> ResidualFigure | None:
     """Measured and modelled over the cable's tension; None where there is no finger at the cable's end.
 
     Of a motor alone the tension is its torque over the radius: what is measured, drawn over itself.
@@ -320,7 +320,7 @@ def tension_loop(comparison: Comparison) -> Shape | None:
     return _over(comparison, "tension", ("Cable tension", "N"), "Loop over the tension")
 
 
-def autocorrelation(comparison: Comparison) -> Shape | None:
+def autocorrelation(comparison: Comparison) -> ResidualFigure | None:
     """How alike the residual is to itself some time later, 1 at once; None where too little is told."""
     time, residual = _longest(comparison)
     if len(residual) < LEAST_FOR_SPECTRUM:
@@ -337,10 +337,12 @@ def autocorrelation(comparison: Comparison) -> Shape | None:
     chance = SURE / float(np.sqrt(EFFECTIVE_SHARE * len(residual)))
     correlation: Array = np.asarray(alike / alike[0], dtype=float)
     curve: dict[str, tuple[Array, Array]] = {"residual": (np.asarray(lag, dtype=float), correlation)}
-    return Shape("Autocorrelation of the residual", ("Later by", "s"), ("Correlation", "1"), curve, chance)
+    return ResidualFigure(
+        "Autocorrelation of the residual", ("Later by", "s"), ("Correlation", "1"), curve, chance
+    )
 
 
-def spectrum(comparison: Comparison) -> Shape | None:
+def spectrum(comparison: Comparison) -> ResidualFigure | None:
     """Amplitude density of the residual up to the low-pass, beside a white floor; None: it is too short."""
     time, residual = _longest(comparison)
     rate = _rate_hz(time)
@@ -355,10 +357,10 @@ def spectrum(comparison: Comparison) -> Shape | None:
         "floor": (frequency, floor),
     }
     up = ("Amplitude density", f"{comparison.unit}/√Hz")
-    return Shape("Spectrum of the residual", ("Frequency", "Hz"), up, curves)
+    return ResidualFigure("Spectrum of the residual", ("Frequency", "Hz"), up, curves)
 
 
-SHAPES: Mapping[str, Callable[[Comparison], Shape | None]] = {
+SHAPES: Mapping[str, Callable[[Comparison], ResidualFigure | None]] = {
     "angle_loop": angle_loop,
     "tension_loop": tension_loop,
     "autocorrelation": autocorrelation,

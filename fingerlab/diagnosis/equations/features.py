@@ -304,7 +304,7 @@ def _tangential_forces(motion: Motion) -> dict[str, Array]:
         motion.force,
         touching * (tip - set_down),
         -dragged_tip(motion, TIP_STIFFNESS, (TIP_STIFFNESS, *SIDEWAYS_STIFFNESSES)),
-        *(motion.slipping(stiffness, SLIP_STIFFNESSES) for stiffness in SLIP_STIFFNESSES),
+        *(motion.tip_slip_force(stiffness, SLIP_STIFFNESSES) for stiffness in SLIP_STIFFNESSES),
         touching,
     )
     return dict(zip(_LATERAL, columns, strict=True))

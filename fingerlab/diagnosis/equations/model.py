@@ -19,7 +19,14 @@ from fingerlab.diagnosis.equations.features import (
     Layout,
     Pick,
 )
-from fingerlab.diagnosis.equations.parameters import ARMS, SET_DOWN, TIP_LAWS, TORQUE_LAG, Tie, tie
+from fingerlab.diagnosis.equations.parameters import (
+    ARMS,
+    SET_DOWN,
+    TIP_LAWS,
+    TORQUE_LAG,
+    ArmRatioPenalty,
+    tie,
+)
 from fingerlab.effects.base import Effect, Row
 from fingerlab.physics.parameter import Parameter
 from fingerlab.sessions.model import Array
@@ -95,7 +102,7 @@ class Model:
     delayed: bool
     tip_law: str
     index: dict[str, int]
-    tie: Tie | None = None
+    tie: ArmRatioPenalty | None = None
     held: Mapping[str, float] = field(default_factory=dict)
 
     def holding(self, held: Mapping[str, float]) -> Model:
@@ -142,12 +149,12 @@ class Model:
         return self.pick.rows
 
     @cached_property
-    def sticking(self) -> list[BoolArray]:
+    def stiction(self) -> list[BoolArray]:
         """For every gain of a friction that sticks, which of the active features are its own, (k,) each."""
         return self._features_of_gains(lambda gain: gain.holds_at_rest)
 
     @cached_property
-    def wandering(self) -> list[BoolArray]:
+    def run_varying(self) -> list[BoolArray]:
         """The same for every gain that differs from run to run."""
         return self._features_of_gains(lambda gain: gain.varies_between_runs)
 
@@ -208,8 +215,8 @@ def build(
     relaxed = {name: gain for c in choices for name, gain in c.effect.relaxes.items()}
     delayed = "delay" in special
     cables = {"", *(CABLE_NAMES[g.cable_sign] for g in groups)}
-    unknowns = _bench_unknowns(layout, groups, relaxed, absent, choices)
-    active = _bench_features(layout, absent, delayed)
+    unknowns = _nuisance_unknowns(layout, groups, relaxed, absent, choices)
+    active = _base_features(layout, absent, delayed)
     for choice in choices:
         if choice.effect.special == "delay":
             continue
@@ -235,7 +242,7 @@ def build(
     )
 
 
-def _bench_unknowns(
+def _nuisance_unknowns(
     layout: Layout,
     groups: Sequence[Runs],
     relaxed: Mapping[str, Parameter],
@@ -276,7 +283,7 @@ def _range(usual: Parameter, relaxed: Mapping[str, Parameter], key: str) -> Para
     return usual if found is None else replace(found, open=usual.open, default=usual.default)
 
 
-def _bench_features(layout: Layout, absent: Collection[str], delayed: bool) -> list[int]:
+def _base_features(layout: Layout, absent: Collection[str], delayed: bool) -> list[int]:
     """Indices of the features of every model; a motor channel that is not late needs few of its shifts."""
     return [
         i

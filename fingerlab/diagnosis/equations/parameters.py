@@ -16,13 +16,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fingerlab.diagnosis.settings import (
+    ARM_RATIO_CURVATURE,
+    ARM_RATIO_SPREADS,
     CURRENT_ZERO_A,
     EXACT,
     MOST_CHANGES,
     ROTOR_SPREAD,
     SLIP_STIFFNESSES,
-    STIFFNESS,
-    TOLERANCES,
     USUAL_LAG_S,
     USUAL_LAG_SAMPLES,
     USUAL_RATIOS,
@@ -129,13 +129,12 @@ def nuisance_ranges(rig: Rig, rate: float = math.inf) -> dict[str, Parameter]:
     }
     pressed = {name: replace(ranges[name], phase="contact") for name in IN_CONTACT}
     return {
-        name: replace(pressed.get(name, one), name=name, role=Role.NUISANCE_OF_BENCH)
-        for name, one in ranges.items()
+        name: replace(pressed.get(name, one), name=name, role=Role.NUISANCE) for name, one in ranges.items()
     }
 
 
 @dataclass(frozen=True)
-class Tie:
+class ArmRatioPenalty:
     """Holds the arms of the two cables together.
 
     ``places`` are the indices of the arms among the unknowns, (2, 2): flexion and extension, MCP and PIP.
@@ -147,7 +146,7 @@ class Tie:
 
     def cost(self, values: Array) -> float:
         """What it adds to minus twice the log posterior."""
-        return STIFFNESS * max(float(np.linalg.norm(self._distance(values))) - self.reach, 0.0) ** 2
+        return ARM_RATIO_CURVATURE * max(float(np.linalg.norm(self._distance(values))) - self.reach, 0.0) ** 2
 
     def expansion(self, values: Array) -> tuple[Array, Array]:
         """Half the gradient of the cost, (p,), and half its curvature, (p, p)."""
@@ -161,7 +160,9 @@ class Tie:
         slopes = np.zeros((2, len(values)))
         for cable, sign in ((0, 1.0), (1, -1.0)):
             slopes[(0, 1), self.places[cable]] = sign / values[self.places[cable]]
-        return STIFFNESS * beyond * (outwards @ slopes), STIFFNESS * slopes.T @ bend @ slopes
+        return ARM_RATIO_CURVATURE * beyond * (
+            outwards @ slopes
+        ), ARM_RATIO_CURVATURE * slopes.T @ bend @ slopes
 
     def _distance(self, values: Array) -> Array:
         """The logarithms of both ratios less the usual ones, (2,)."""
@@ -169,12 +170,14 @@ class Tie:
         return np.asarray(np.log(flexion / extension) - np.log(USUAL_RATIOS))
 
 
-def tie(index: Mapping[str, int], spread: float) -> Tie | None:
+def tie(index: Mapping[str, int], spread: float) -> ArmRatioPenalty | None:
     """The tie between the arms among the unknowns; None where there is only one cable."""
     keys = [[f"arm_{joint}@{cable}" for joint in ("mcp", "pip")] for cable in ("flexion", "extension")]
     if not all(key in index for pair in keys for key in pair):
         return None
-    return Tie(np.array([[index[key] for key in pair] for pair in keys]), TOLERANCES * spread)
+    return ArmRatioPenalty(
+        np.array([[index[key] for key in pair] for pair in keys]), ARM_RATIO_SPREADS * spread
+    )
 
 
 def is_loss(key: str) -> bool:

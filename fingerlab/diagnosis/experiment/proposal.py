@@ -42,12 +42,12 @@ from fingerlab.diagnosis.score.selection import (
     penalty_of_small_excess,
 )
 from fingerlab.diagnosis.settings import (
-    CHANCES,
     COST_OF_CHANGE,
     DECIDING_LOG_ODDS,
     DECISIVE,
     DURATION_S,
     FIRST_WORTH,
+    GAIN_DRAWS,
     LEAST_EXCESS,
     LEAST_FALL,
     LEAST_MORE,
@@ -57,9 +57,9 @@ from fingerlab.diagnosis.settings import (
     LOOKED_AT,
     LOOKING_ITERATIONS,
     MOST_PAIRED,
-    RIVALS,
+    PROPOSAL_CANDIDATES,
     SETTLING_S,
-    TRUTHS,
+    TRUE_EFFECTS,
 )
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
 from fingerlab.physics.motion import Motion
@@ -110,9 +110,9 @@ def propose(
     """
     if len(chosen) < 2:
         return None
-    view = Among(scorer, evidence, list(chosen[: 1 + RIVALS]), outlook(evidence, usual))
+    view = Among(scorer, evidence, list(chosen[: 1 + PROPOSAL_CANDIDATES]), outlook(evidence, usual))
     first = evidence.candidates[chosen[0]]
-    rivals = [evidence.candidates[i] for i in chosen[: 1 + RIVALS]]
+    rivals = [evidence.candidates[i] for i in chosen[: 1 + PROPOSAL_CANDIDATES]]
     runs = list(_runs(sessions, scorer, first, rivals))
     best = best_run(runs, view.judged, view.glanced)
     if best is None or best[1].expected < LEAST_SEPARATION:
@@ -133,7 +133,7 @@ def reveal(
 
     What is expected is said for the likeliest effect that the run would show at its typical strength.
     """
-    able = [i for i in hidden if evidence.candidates[i].sensitivity.strengths][:RIVALS]
+    able = [i for i in hidden if evidence.candidates[i].sensitivity.strengths][:PROPOSAL_CANDIDATES]
     if not able:
         return None
     view = Hidden(scorer, evidence, able, list(hidden), outlook(evidence, usual))
@@ -178,7 +178,7 @@ def best_run(
 
 def _chances(scatter: int) -> Array:
     """Standard deviations by which gains come out otherwise than foretold, (draws, scatter), once for all."""
-    return np.asarray(np.random.default_rng(1).standard_normal((CHANCES, scatter)))
+    return np.asarray(np.random.default_rng(1).standard_normal((GAIN_DRAWS, scatter)))
 
 
 def _worth(run: PredictedRun, alone: float, first: float, gains: Iterable[float]) -> tuple[float, ...]:
@@ -196,9 +196,9 @@ class Among:
     def __init__(self, scorer: Scorer, evidence: Evidence, chosen: list[int], now: Outlook) -> None:
         self.scorer, self.evidence, self.chosen, self.outlook = scorer, evidence, chosen, now
         probabilities = now.probabilities()
-        likely = probabilities[chosen[:TRUTHS]]
+        likely = probabilities[chosen[:TRUE_EFFECTS]]
         likely /= max(float(likely.sum()), LEAST_PROBABILITY)
-        self.truths = dict(zip(chosen[:TRUTHS], likely.tolist(), strict=True))
+        self.truths = dict(zip(chosen[:TRUE_EFFECTS], likely.tolist(), strict=True))
         self._log_probabilities = np.log(np.maximum(probabilities, LEAST_PROBABILITY))
         standing = now.found_set(probabilities)
         self.standing = [i for i in chosen[1:] if i in standing]

@@ -87,7 +87,7 @@ def run_kind(
     session: Session, motion: Motion, effects: Sequence[Effect], beside_finger: bool = False
 ) -> RunKind:
     """The kind of a run with this motion; ``beside_finger``: of the motor alone, beside a finger's runs."""
-    return RunKind(layout_of(motion.glimpse(), session, effects, beside_finger), _group(motion))
+    return RunKind(layout_of(motion.head(), session, effects, beside_finger), _group(motion))
 
 
 @dataclass(frozen=True)
@@ -294,7 +294,7 @@ class GainLine:
 
 
 @dataclass(frozen=True)
-class ForetellingTable:
+class GainCalibration:
     """What was learned from past proposals.
 
     Attributes:
@@ -317,10 +317,10 @@ class ForetellingTable:
 
 
 @cache
-def foretelling() -> ForetellingTable:
+def foretelling() -> GainCalibration:
     """The table that comes with the program."""
     text = files("fingerlab.resources").joinpath("foretelling.json").read_text(encoding="utf-8")
-    return structured(ForetellingTable, json.loads(text))
+    return structured(GainCalibration, json.loads(text))
 
 
 @dataclass(frozen=True)

@@ -36,14 +36,14 @@ from fingerlab.diagnosis.gram.sums import (
 )
 from fingerlab.diagnosis.settings import (
     CORRELATED_VALUES,
-    HELD_SHARE,
     LEAST_REPEATS,
     MOST_FOLD_BYTES,
+    RUN_VARIATION,
     SET_DOWN_N,
     SLACK_SPREAD_M,
+    STICTION_MEAN_SQUARE,
     STROKE_VALUES,
     VALUES_OF_A_MOTION,
-    WANDER,
 )
 from fingerlab.diagnosis.signals.conditions import GroupKey
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
@@ -88,7 +88,7 @@ class Weighted:
 
 
 @dataclass(frozen=True)
-class Gathered:
+class FeatureProducts:
     """Products of a model's features in a group, (k, k) each, or its folds, (folds, k, k): see :class:`Sums`.
 
     All samples with noise and without, those at rest with noise and without; where the cable is slack the
@@ -103,18 +103,18 @@ class Gathered:
     loose: Array | None
     hanging: Array | None
 
-    def __getitem__(self, fold: int) -> Gathered:
+    def __getitem__(self, fold: int) -> FeatureProducts:
         """Of one of several folds."""
         return self._each(lambda part: part[fold])
 
-    def of(self, folds: IntArray, columns: IntArray) -> Gathered:
+    def of(self, folds: IntArray, columns: IntArray) -> FeatureProducts:
         """Of some of several folds, the products of all features with some."""
         among = folds[:, None, None], np.arange(self.raw.shape[1])[None, :, None], columns[None, None, :]
         return self._each(lambda part: part[among])
 
-    def _each(self, taken: Callable[[Array], Array]) -> Gathered:
+    def _each(self, taken: Callable[[Array], Array]) -> FeatureProducts:
         rest = (self.still, self.quiet, self.slack, self.loose, self.hanging)
-        return Gathered(
+        return FeatureProducts(
             taken(self.raw), taken(self.clean), *(None if part is None else taken(part) for part in rest)
         )
 
@@ -137,8 +137,8 @@ class Data:
         self.groups = groups
         self.constants = constants
         self._noise: dict[tuple[int, bytes], tuple[Array, Array]] = {}
-        self._kept: dict[tuple[int, bytes], Gathered] = {}
-        self._folds: OrderedDict[tuple[int, bytes], Gathered] = OrderedDict()
+        self._kept: dict[tuple[int, bytes], FeatureProducts] = {}
+        self._folds: OrderedDict[tuple[int, bytes], FeatureProducts] = OrderedDict()
         self._folds_bytes = 0
         self._joined: dict[tuple[int, FoldNumbers], Sums] = {}
         self._at_rest: dict[int, tuple[bytes, Array]] = {}
@@ -166,7 +166,7 @@ class Data:
 
     def weighted(
         self,
-        found: Gathered,
+        found: FeatureProducts,
         model: Model,
         weight: Array,
         standing: Callable[[], Array],
@@ -192,7 +192,7 @@ class Data:
             matrix += charge
         return Weighted(curvature, matrix)
 
-    def gathered(self, i: int, part: FoldNumbers | None, model: Model) -> Gathered:
+    def gathered(self, i: int, part: FoldNumbers | None, model: Model) -> FeatureProducts:
         """Products of the model's features; those over whole groups are kept: they are asked for often."""
         whole = part is None or len(part) == len(self.groups[i].folds)
         key = i, model.active.tobytes()
@@ -202,7 +202,7 @@ class Data:
             self._kept[key] = self._gathered(i, [self.raw(i, part)], model.pick)[0]
         return self._kept[key]
 
-    def gathered_folds(self, i: int, model: Model) -> Gathered:
+    def gathered_folds(self, i: int, model: Model) -> FeatureProducts:
         """The same for every fold of a group, (folds, k, k); kept for the models that were asked for last."""
         key = i, model.active.tobytes()
         found = self._folds.pop(key, None)
@@ -214,7 +214,7 @@ class Data:
             self._folds_bytes -= self._folds.popitem(last=False)[1].bytes
         return found
 
-    def _gathered(self, i: int, parts: Sequence[Sums], pick: Pick) -> Gathered:
+    def _gathered(self, i: int, parts: Sequence[Sums], pick: Pick) -> FeatureProducts:
         """Of several parts of group ``i``, (parts, k, k)."""
         noise, taut_noise = self._noise_of(i, pick)  # at a slack sample and at a taut one
         raw = _of_each(pick, [part.products for part in parts])
@@ -230,7 +230,7 @@ class Data:
             for counts in zip(*((p.samples, p.taut_samples, p.rest_samples) for p in parts), strict=True)
         )
         slack_noise = (samples - taut) * np.where(pick.in_cable, 0.0, noise)
-        return Gathered(
+        return FeatureProducts(
             raw,
             raw - taut * taut_noise - slack_noise,
             still,
@@ -262,8 +262,8 @@ class Data:
         if self.constants is None or not totals:
             return None
         key = self.groups[i].key
-        grip = self.constants.grip(key, totals, weights)
-        return grip, [self.constants.pull(key, totals, pick, weights) for pick in picks]
+        posterior_covariance = self.constants.posterior_covariance(key, totals, weights)
+        return posterior_covariance, [self.constants.pull(key, totals, pick, weights) for pick in picks]
 
     def offsets(
         self, i: int, part: FoldNumbers | None, model: Model, coefficients: Array, weights: EquationWeights
@@ -276,10 +276,10 @@ class Data:
         found = self.by_constants(i, part, weights, [model.pick])
         if self.constants is None or found is None:
             return None
-        grip, (pull,) = found
+        posterior_covariance, (pull,) = found
         spreads = self.constants.spreads
-        sources = spreads * np.einsum("rst,rkt,k->rs", grip, pull, coefficients)
-        deviations = spreads * np.sqrt(np.einsum("rss->rs", grip))
+        sources = spreads * np.einsum("rst,rkt,k->rs", posterior_covariance, pull, coefficients)
+        deviations = spreads * np.sqrt(np.einsum("rss->rs", posterior_covariance))
         rows = sources @ self.constants.shares[self.groups[i].key].T
         return Offsets(tuple(t.number for t in self.totals(i, part)), sources, deviations, rows)
 
@@ -316,16 +316,16 @@ class Data:
         is one unknown force, however long it is looked at. ``coefficients`` are the features', (k,).
         """
         group = self.groups[i]
-        if group.whole.rest is None or not model.sticking:
+        if group.whole.rest is None or not model.stiction:
             return None
         products = self.gathered(i, None, model).raw
         spread = encoder_spread(group.encoder_variance)
         own = np.zeros((5, 5))
-        for mine in map(np.flatnonzero, model.sticking):
+        for mine in map(np.flatnonzero, model.stiction):
             share = np.zeros((len(mine), 5))
             share[np.arange(len(mine)), model.rows[mine]] = coefficients[mine]
             own += share.T @ products[mine[:, None], mine] @ share
-        own *= HELD_SHARE / max(group.samples, 1.0)
+        own *= STICTION_MEAN_SQUARE / max(group.samples, 1.0)
         change = change_of_weight(weights, spread + own) - self.standing(i, weights)
         whole = group.whole
         values = max(EFFECTIVE_SHARE * whole.rest_samples / max(whole.standstills, 1), 1.0)  # of a standstill
@@ -372,7 +372,7 @@ def own_to_a_run(model: Model, values: Array, coefficients: Array, group: Group,
         coefficients: of the features at these values, (k,).
         group, condition: to which the run belongs.
     """
-    parts = [np.where(mine, WANDER * coefficients, 0.0) for mine in model.wandering]
+    parts = [np.where(mine, RUN_VARIATION * coefficients, 0.0) for mine in model.run_varying]
     place = model.index.get(SET_DOWN)
     if place is not None and tells_set_down(group, condition):
         once = values.copy()

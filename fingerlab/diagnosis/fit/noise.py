@@ -25,14 +25,14 @@ from fingerlab.diagnosis.equations.parameters import RUBS, SLIPS
 from fingerlab.diagnosis.gram.state_law import left_out_covariance
 from fingerlab.diagnosis.gram.sums import Group, Reduced
 from fingerlab.diagnosis.settings import (
+    GRAM_RIDGE,
     LEAST_DEPTH_SPREAD_M,
     LEAST_LENGTH_SPREAD_M,
     LEAST_TENSION_SPREAD_N,
     LEAST_TORQUE_SPREAD,
     MOST_NOISE,
-    RIDGE,
+    RUN_VARIATION,
     TIP_FRICTION_SPREAD,
-    WANDER,
 )
 from fingerlab.effects.base import Row
 from fingerlab.sessions.model import Array
@@ -102,7 +102,7 @@ def _definite(products: Array) -> bool:
 
 def _factor(products: Array) -> Array:
     """Cholesky factor of products with ones on the diagonal, lifted to be definite, (n, n)."""
-    ridge = RIDGE * np.eye(len(products))
+    ridge = GRAM_RIDGE * np.eye(len(products))
     try:
         return np.asarray(np.linalg.cholesky(products + ridge))
     except np.linalg.LinAlgError:
@@ -268,8 +268,8 @@ def floor_covariance(model: Model, values: Array, group: Group, weights: Array, 
     if group.repeated_cycles:
         return floor + scatter_of_runs(model, values, group, means)
     products = group.whole.of(model.pick)
-    for mine in model.wandering:
-        floor = floor + WANDER**2 * row_covariance(model, values, group, products, group.samples, mine)
+    for mine in model.run_varying:
+        floor = floor + RUN_VARIATION**2 * row_covariance(model, values, group, products, group.samples, mine)
     return floor
 
 

@@ -26,19 +26,19 @@ class BoundTerms:
     Attributes:
         folds: that hold these runs, (n,).
         slope: by the features' coefficients, (n, k).
-        curved, pulled: products of the features with the parts, (n, k, parts), with noise and without.
+        cross, pulled: products of the features with the parts, (n, k, parts), with noise and without.
         give: what the parts would yield more without bounds, (n, parts, parts).
     """
 
     folds: IntArray
     slope: Array
-    curved: Array
+    cross: Array
     pulled: Array
     give: Array
 
     def along(self, jacobian: Array) -> Weighted:
         """Curvature and matrix of each fold along some derivatives of the coefficients, (k, p): (n, p, p)."""
-        return Weighted(*(self._along(across, jacobian) for across in (self.curved, self.pulled)))
+        return Weighted(*(self._along(across, jacobian) for across in (self.cross, self.pulled)))
 
     def _along(self, across: Array, jacobian: Array) -> Array:
         mine = across.transpose(0, 2, 1) @ jacobian
@@ -52,7 +52,7 @@ class RandomEffects:
     Attributes:
         parts: what one standard deviation of each adds to the features, (k, parts).
         folds: numbers of the folds that hold these runs, in order.
-        curved, pulled: products of the features with these parts over every fold, (folds, k, parts), with
+        cross, pulled: products of the features with these parts over every fold, (folds, k, parts), with
             noise and without.
         precision: with which each part is held near zero: 1 at face value.
         bound: standard deviations, at face value, that a part is off zero at most.
@@ -60,7 +60,7 @@ class RandomEffects:
 
     parts: Array
     folds: IntArray
-    curved: Array
+    cross: Array
     pulled: Array
     precision: float
     bound: float
@@ -68,7 +68,7 @@ class RandomEffects:
     @cached_property
     def system(self) -> Array:
         """Curvature along the parts of a run's misfit and of what holds them, (folds, parts, parts)."""
-        return np.asarray(self.parts.T @ self.curved + self.precision * np.eye(self.parts.shape[1]))
+        return np.asarray(self.parts.T @ self.cross + self.precision * np.eye(self.parts.shape[1]))
 
     @cached_property
     def inverse(self) -> Array:
@@ -84,16 +84,16 @@ class RandomEffects:
     @cached_property
     def schur_complement(self) -> Weighted:
         """What they take up of curvature and matrix of every fold without bounds, (folds, k, k)."""
-        curved, pulled = self.curved, self.pulled
+        cross, pulled = self.cross, self.pulled
         return Weighted(
-            curved @ self.inverse @ curved.transpose(0, 2, 1),
+            cross @ self.inverse @ cross.transpose(0, 2, 1),
             pulled @ self.inverse @ pulled.transpose(0, 2, 1),
         )
 
     @cached_property
     def schur_complement_of_all(self) -> Weighted:
         """The same of all folds, (k, k)."""
-        return Weighted(self._together(self.curved), self._together(self.pulled))
+        return Weighted(self._together(self.cross), self._together(self.pulled))
 
     def _together(self, across: Array) -> Array:
         size = across.shape[1]
@@ -122,9 +122,9 @@ class RandomEffects:
         far, short, free = found
         both = free[:, :, None] & free[:, None, :]
         moving = np.where(both, np.linalg.inv(np.where(both, self.system[far], np.eye(short.shape[1]))), 0.0)
-        curved, pulled = self.curved[far], self.pulled[far]
+        cross, pulled = self.cross[far], self.pulled[far]
         slope = (pulled @ short[:, :, None])[:, :, 0]
-        return BoundTerms(self.folds[far], slope, curved, pulled, self.inverse[far] - moving)
+        return BoundTerms(self.folds[far], slope, cross, pulled, self.inverse[far] - moving)
 
     def _stand(self, coefficients: Array) -> tuple[IntArray, Array, BoolArray] | None:
         """Of the runs with a part at its bound, their places, (n,); how far each part falls short of what it
@@ -137,25 +137,26 @@ class RandomEffects:
         return far, wanted[far] - stands, free
 
 
-def _within(bowls: Array, lowest: Array, bound: float) -> tuple[Array, BoolArray]:
+def _within(curvatures_of_folds: Array, unconstrained: Array, bound: float) -> tuple[Array, BoolArray]:
     """Where each of some bowls is lowest within the same bounds, and which parts are at none, (n, parts).
 
     All bounds that are wrong are exchanged at once (block principal pivoting, as in ``bounded_step``), in
     every system; one that does not settle so is taken by itself.
 
     Args:
-        bowls: curvatures, (n, parts, parts). lowest: where each is lowest without bounds, (n, parts).
+        curvatures_of_folds: (n, parts, parts).
+        unconstrained: where each is least without bounds, (n, parts).
     """
-    side = np.sign(lowest) * (np.abs(lowest) > bound)
-    one = np.eye(lowest.shape[1])
+    side = np.sign(unconstrained) * (np.abs(unconstrained) > bound)
+    one = np.eye(unconstrained.shape[1])
     for _ in range(PIVOTING_ROUNDS):
         held = side != 0
-        off = np.where(held, side * bound - lowest, 0.0)
+        off = np.where(held, side * bound - unconstrained, 0.0)
         both = ~held[:, :, None] & ~held[:, None, :]
-        pull = np.where(held, 0.0, -_times(bowls, off))
-        off += np.linalg.solve(np.where(both, bowls, one), pull[:, :, None])[:, :, 0]
-        stands = lowest + off
-        pushed = side * _times(bowls, off) < 0.0
+        pull = np.where(held, 0.0, -_times(curvatures_of_folds, off))
+        off += np.linalg.solve(np.where(both, curvatures_of_folds, one), pull[:, :, None])[:, :, 0]
+        stands = unconstrained + off
+        pushed = side * _times(curvatures_of_folds, off) < 0.0
         out = np.sign(stands) * (np.abs(stands) > bound * (1.0 + 1e-12))
         following = np.where(held, side * pushed, out)
         open_ones = np.flatnonzero((following != side).any(axis=1))
@@ -163,9 +164,11 @@ def _within(bowls: Array, lowest: Array, bound: float) -> tuple[Array, BoolArray
             break
         side = following
     else:
-        at, most = np.zeros(lowest.shape[1]), np.full(lowest.shape[1], bound)
+        at, most = np.zeros(unconstrained.shape[1]), np.full(unconstrained.shape[1], bound)
         for k in open_ones:
-            stands[k] = bounded_step(at, -bowls[k] @ lowest[k], bowls[k], -most, most)
+            stands[k] = bounded_step(
+                at, -curvatures_of_folds[k] @ unconstrained[k], curvatures_of_folds[k], -most, most
+            )
         held = np.abs(stands) >= bound * (1.0 - 1e-9)
     return stands, ~held
 

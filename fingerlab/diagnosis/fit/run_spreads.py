@@ -26,7 +26,12 @@ from fingerlab.diagnosis.gram.sums import (
     share_of_equations,
     with_constants,
 )
-from fingerlab.diagnosis.settings import LEAST_CONSTANTS, LEAST_SHARE_OF_CONSTANTS, SPREAD_STEPS, SPREADS
+from fingerlab.diagnosis.settings import (
+    LEAST_CONSTANTS,
+    LEAST_SHARE_OF_CONSTANTS,
+    RUN_CONSTANT_RANGE,
+    SPREAD_STEPS,
+)
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
 from fingerlab.rig.file import Rig
 from fingerlab.sessions.model import Array
@@ -138,7 +143,7 @@ def _likeliest(contrasts: Contrasts) -> Array:
 
     One kind after the other on a grid. A kind stays only if the others cannot take its place.
     """
-    grid = np.concatenate(([0.0], np.geomspace(*SPREADS, SPREAD_STEPS)))
+    grid = np.concatenate(([0.0], np.geomspace(*RUN_CONSTANT_RANGE, SPREAD_STEPS)))
 
     def of(each: Sequence[float]) -> Array:
         spreads = np.zeros(len(SOURCES))

@@ -19,8 +19,8 @@ from fingerlab.diagnosis.equations.parameters import CHANGED_OFFSET, LOSSES
 from fingerlab.diagnosis.fit.bounded_step import bounded_step, scaled_inverse
 from fingerlab.diagnosis.fit.data import (
     Data,
+    FeatureProducts,
     FoldNumbers,
-    Gathered,
     Weighted,
     Weights,
     own_to_a_run,
@@ -37,7 +37,7 @@ from fingerlab.diagnosis.gram.sums import (
 from fingerlab.diagnosis.settings import (
     LEAST_GAIN,
     LEAST_GAIN_SHARE,
-    MOST_WANDER,
+    RUN_VARIATION_BOUND,
     SETTLING_ITERATIONS,
     WEAK_PRIOR,
 )
@@ -103,10 +103,10 @@ class Fitter:
         self._stacked: Weighted | None = None
         self._cables = tuple(g.cable_sign for g in data.groups)
         self._whole: tuple[Array, list[tuple[Array, Array]], tuple[Array, Array]] | None = None
-        self.sticks = bool(model.sticking) and any(g.whole.rest is not None for g in data.groups)
+        self.sticks = bool(model.stiction) and any(g.whole.rest is not None for g in data.groups)
         self.widening = 0.0  # see Data.held, all groups together
         self._held: list[Array | None] = [None] * len(data.groups)
-        self.wanders = bool(model.wandering) or bool(model.set_down.any())
+        self.wanders = bool(model.run_varying) or bool(model.set_down.any())
         self._own: dict[int, list[RandomEffects]] = {}  # by group
         self._still: dict[int, Array] = {}
         self._weight: dict[int, Array] = {}
@@ -139,7 +139,7 @@ class Fitter:
         left = sum(float(h @ self.part(i, None).matrix @ h) for i, h in enumerate(coefficients))
         left -= sum(one.explained(coefficients[i]) for i, each in own.items() for one in each)
         temperature = temperature_of(left, EFFECTIVE_SHARE * sum(g.equations * g.samples for g in groups))
-        bound = MOST_WANDER / np.sqrt(temperature)  # of the narrower distribution, too
+        bound = RUN_VARIATION_BOUND / np.sqrt(temperature)  # of the narrower distribution, too
         return {
             i: [replace(one, precision=temperature, bound=bound) for one in each] for i, each in own.items()
         }
@@ -172,8 +172,8 @@ class Fitter:
             found = self._weighted(i, self.data.gathered(i, part, self.model))
             constants = self._by_constants(i)
             if constants is not None:
-                grip, pull = (one[self.data.runs_of(i, part)] for one in constants)
-                found = found.less(schur_complement(pull, grip, pull))
+                posterior_covariance, pull = (one[self.data.runs_of(i, part)] for one in constants)
+                found = found.less(schur_complement(pull, posterior_covariance, pull))
             self._parts[i, part] = found
         return self._parts[i, part]
 
@@ -192,7 +192,7 @@ class Fitter:
             self._folds[i] = found
         return self._folds[i]
 
-    def _weighted(self, i: int, gathered: Gathered) -> Weighted:
+    def _weighted(self, i: int, gathered: FeatureProducts) -> Weighted:
         """What was gathered in group ``i``, weighted."""
         return self.data.weighted(
             gathered, self.model, self._weight_of(i), partial(self._less, i), partial(self._where_slack, i)
@@ -275,7 +275,7 @@ class Fitter:
         ``trusted``: however far it would go.
         """
         result: dict[int, list[RandomEffects]] = {}
-        bound = np.inf if trusted else MOST_WANDER
+        bound = np.inf if trusted else RUN_VARIATION_BOUND
         for i, group in enumerate(self.data.groups):
             alike: dict[bool, list[int]] = {}  # conditions whose runs have the same parts
             for condition in group.conditions:

@@ -24,6 +24,7 @@ from fingerlab.diagnosis.gram.decimation import Decimated, SegmentCache
 from fingerlab.diagnosis.gram.run_sums import Keep, in_place, pair_sums, run_sums, sums_in_turn
 from fingerlab.diagnosis.gram.sums import Group, PairSums, Reduced, RunConstants, RunSums, add_among, empty
 from fingerlab.diagnosis.settings import MOST_CLOSER, MOST_LOOKED_AT, STATE_ORDERS
+from fingerlab.diagnosis.signals.channel_checks import ChannelRatios, check_channels
 from fingerlab.diagnosis.signals.conditions import (
     Fold,
     GroupKey,
@@ -35,10 +36,9 @@ from fingerlab.diagnosis.signals.conditions import (
     runs_to_analyse,
     with_interventions,
 )
-from fingerlab.diagnosis.signals.contradictions import Facts, check_channels
 from fingerlab.diagnosis.signals.filters import Repair
 from fingerlab.diagnosis.signals.scales import Scales, as_recorded, find_scales, reduced_sessions
-from fingerlab.diagnosis.signals.segments import Senses, check_senses, segments_of
+from fingerlab.diagnosis.signals.segments import ChannelSigns, check_senses, segments_of
 from fingerlab.effects.base import Effect, Shape
 from fingerlab.physics.motion import Motion, strongest_orders
 from fingerlab.rig.file import UNCHANGED, Intervention, Rig, intervention_of
@@ -164,7 +164,7 @@ class Reduction:
         return self._given[0].rig
 
     @property
-    def left_aside(self) -> list[tuple[str, tuple[str, ...]]]:
+    def excluded_by_motion(self) -> list[tuple[str, tuple[str, ...]]]:
         """Runs that are not analysed because channels were lost, with these."""
         kept = set(self.runs)
         every = [
@@ -292,7 +292,7 @@ class Reduction:
             known = next(self._cache.segments(number), None)
             motion = known.motion if known is not None else next(segments_of(run, session.rig))
             beside = len(set(kinds)) == 2
-            found = layout_of(motion.glimpse(), session, effects, beside_finger=beside)
+            found = layout_of(motion.head(), session, effects, beside_finger=beside)
             layouts[on_bench] = replace(found, scales=self.scales, late_torque=self.late_torque)
         return layouts
 
@@ -316,8 +316,8 @@ class Reduction:
         dealt, places = deal_runs(runs)
         motions = _shared(self.motions)
         groups: dict[GroupKey, Group] = {}
-        seen: list[Senses] = []
-        facts: list[Facts] = []
+        seen: list[ChannelSigns] = []
+        facts: list[ChannelRatios] = []
         each = [asked[run.phase == "motor_bench"] for run in runs]
         parts = sums_in_turn(pairs, effects, whole.signal_count, each, self._cache, keep)
         for number, run in enumerate(runs):

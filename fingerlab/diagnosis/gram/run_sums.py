@@ -33,8 +33,8 @@ from fingerlab.diagnosis.gram.decimation import (
 from fingerlab.diagnosis.gram.state_law import signal_products, torque_products
 from fingerlab.diagnosis.gram.sums import Cycle, PairSums, Part, RunSums, Sums
 from fingerlab.diagnosis.settings import NARROW_RATE_HZ, TASKS_AHEAD, TREND_DEGREE
+from fingerlab.diagnosis.signals.channel_checks import facts_of
 from fingerlab.diagnosis.signals.conditions import GroupKey
-from fingerlab.diagnosis.signals.contradictions import facts_of
 from fingerlab.diagnosis.signals.filters import noise_of_derivatives
 from fingerlab.diagnosis.signals.segments import segments_of, senses
 from fingerlab.effects import CATALOGUE

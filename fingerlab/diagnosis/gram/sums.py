@@ -24,10 +24,10 @@ import numpy as np
 from fingerlab.diagnosis.equations.coefficients import CABLE_NAMES
 from fingerlab.diagnosis.equations.features import IntArray, Layout, Pick
 from fingerlab.diagnosis.equations.model import Model
+from fingerlab.diagnosis.signals.channel_checks import ChannelRatios
 from fingerlab.diagnosis.signals.conditions import Fold, GroupKey
-from fingerlab.diagnosis.signals.contradictions import Facts
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
-from fingerlab.diagnosis.signals.segments import Senses
+from fingerlab.diagnosis.signals.segments import ChannelSigns
 from fingerlab.effects.base import Row
 from fingerlab.rig.file import Rig
 from fingerlab.sessions.model import Array
@@ -121,7 +121,9 @@ class RunConstants:
         """Weighted products of features with one standard deviation of each source, (runs, k, 4)."""
         return np.asarray(with_constants(totals, pick, weights) @ self.scaled(key))
 
-    def grip(self, key: GroupKey, totals: Sequence[RunTotals], weights: EquationWeights) -> Array:
+    def posterior_covariance(
+        self, key: GroupKey, totals: Sequence[RunTotals], weights: EquationWeights
+    ) -> Array:
         """Posterior covariance of the sources in units of their standard deviations, (runs, 4, 4)."""
         share = self.scaled(key)
         information = share.T @ of_constants(totals, weights) @ share
@@ -159,26 +161,26 @@ class Offsets:
         return np.asarray(products + (square - cross - cross.transpose(0, 2, 1)).sum(axis=0))
 
 
-def schur_complement(left: Array, grip: Array, right: Array) -> Array:
+def schur_complement(left: Array, posterior_covariance: Array, right: Array) -> Array:
     """What the constants of all runs take up of weighted products of features, (k, n).
 
     Args:
         left, right: of the features with the sources, (runs, k, 4) and (runs, n, 4).
     """
     runs, size, sources = left.shape
-    flat = (left @ grip).transpose(1, 0, 2).reshape(size, runs * sources)
+    flat = (left @ posterior_covariance).transpose(1, 0, 2).reshape(size, runs * sources)
     return np.asarray(flat @ right.transpose(1, 0, 2).reshape(right.shape[1], runs * sources).T)
 
 
-def taken_up_by_folds(grip: Array, pull: Array, folds: Sequence[Any]) -> Array:
+def taken_up_by_folds(posterior_covariance: Array, pull: Array, folds: Sequence[Any]) -> Array:
     """The same of a group's features among each other, by the runs of each of its folds, (folds, k, k).
 
     Args:
         folds: index of every fold's runs, fold after fold.
     """
     if all(len(runs) == 1 for runs in folds):
-        return np.asarray(pull @ grip @ pull.transpose(0, 2, 1))
-    return np.stack([schur_complement(pull[runs], grip[runs], pull[runs]) for runs in folds])
+        return np.asarray(pull @ posterior_covariance @ pull.transpose(0, 2, 1))
+    return np.stack([schur_complement(pull[runs], posterior_covariance[runs], pull[runs]) for runs in folds])
 
 
 def with_constants(totals: Sequence[RunTotals], pick: Pick, weights: EquationWeights) -> Array:
@@ -404,8 +406,8 @@ class RunSums:
     run: str
     parts: list[Part] = field(default_factory=list)
     trends: list[tuple[IntArray, Array]] = field(default_factory=list)
-    senses: list[Senses] = field(default_factory=list)
-    facts: Facts | None = None  # what its channels say of each other; on a first reading
+    senses: list[ChannelSigns] = field(default_factory=list)
+    facts: ChannelRatios | None = None  # what its channels say of each other; on a first reading
     encoder_variance: float = 0.0
     encoder_noise: tuple[float, ...] = (0.0, 0.0, 0.0)  # variance of angle, speed and acceleration
     state_products: list[Array] = field(default_factory=list)

@@ -87,24 +87,25 @@ class ProbabilityMap:
     Attributes:
         verdict: sharpness among "an effect is seen", "none is seen" and "something unknown".
         quiet, strange: log odds added for "none is seen" and "something unknown".
-        verdict_lapse: log odds that this verdict says nothing, where the floor is reached in the end or
-            something unknown is seen; else by ``verdict_lapse_left`` more for each unit of the logarithm of
-            what is left. ``base_rates`` of the three hold then.
-        effect: sharpness among the effects. blunt: the same where the law of the truth is far from the
-            bench's; ``lapse`` and ``lapse_left`` are the log odds of that, as before.
+        uninformative_verdict: log odds that this verdict says nothing, where the floor is reached in the end
+            or something unknown is seen; else by ``uninformative_verdict_slope`` more for each unit of the
+            logarithm of what is left. ``base_rates`` of the three hold then.
+        effect: sharpness among the effects. sharpness_uninformative: the same where the law of the truth is
+            far from the bench's; ``uninformative_effect`` and ``uninformative_effect_slope`` are the log odds
+            of that, as before.
         hidden: log odds added for an effect that could not show, against nothing.
     """
 
     verdict: float = 1.0
     quiet: float = 0.0
     strange: float = 0.0
-    verdict_lapse: float = -5.0
-    verdict_lapse_left: float = 0.0
+    uninformative_verdict: float = -5.0
+    uninformative_verdict_slope: float = 0.0
     base_rates: tuple[float, ...] = (0.7, 0.2, 0.1)
     effect: float = 1.0
-    blunt: float = 0.1
-    lapse: float = -5.0
-    lapse_left: float = 0.0
+    sharpness_uninformative: float = 0.1
+    uninformative_effect: float = -5.0
+    uninformative_effect_slope: float = 0.0
     hidden: float = 0.0
 
     def probabilities(self, odds: Odds, left: float = 1.0, widening: float = 1.0) -> Array:
@@ -119,8 +120,10 @@ class ProbabilityMap:
         more = min(max(math.log(max(left, 1.0)), 0.0), MOST_LEFT)
         # That much is left is no doubt of an answer which says just that.
         strange = odds.unknown > max(odds.nothing, float(odds.found.sum()))
-        verdict_lapse = _share(self.verdict_lapse + self.verdict_lapse_left * (0.0 if strange else more))
-        lapse = _share(self.lapse + self.lapse_left * more)
+        uninformative_verdict = _share(
+            self.uninformative_verdict + self.uninformative_verdict_slope * (0.0 if strange else more)
+        )
+        uninformative_effect = _share(self.uninformative_effect + self.uninformative_effect_slope * more)
         found, hidden = _logs(odds.found), _logs(odds.hidden)
         nothing = float(_logs(np.array([odds.nothing]))[0])
         seen = float(np.logaddexp.reduce(found, initial=LEAST_ODDS))
@@ -128,19 +131,19 @@ class ProbabilityMap:
         unknown = float(_logs(np.array([odds.unknown]))[0])
         groups = self.verdict / widening * np.array([seen, quiet, unknown])
         groups += np.array([0.0, self.quiet, self.strange])
-        shares = (1.0 - verdict_lapse) * _softmax(groups)
-        shares += verdict_lapse * np.array(self.base_rates) / sum(self.base_rates)
+        shares = (1.0 - uninformative_verdict) * _softmax(groups)
+        shares += uninformative_verdict * np.array(self.base_rates) / sum(self.base_rates)
         if not len(found):
             total = float(shares[1] + shares[2])
             return np.array([shares[1] / total, shares[2] / total])
-        among = (1.0 - lapse) * _softmax(self.effect / widening * found)
-        among += lapse * _softmax(self.blunt / widening * found)
+        among = (1.0 - uninformative_effect) * _softmax(self.effect / widening * found)
+        among += uninformative_effect * _softmax(self.sharpness_uninformative / widening * found)
         unseen = _softmax(np.array([*(hidden + self.hidden), nothing]))
         effects = shares[0] * among + shares[1] * unseen[:-1]
         beside = np.array([*effects, shares[1] * unseen[-1], shares[2]])
         if odds.instead is None:
             return beside
-        instead = (1.0 - lapse) * odds.instead
+        instead = (1.0 - uninformative_effect) * odds.instead
         beside *= 1.0 - instead.sum()
         beside[: len(instead)] += instead
         return beside
@@ -184,8 +187,9 @@ class CalibrationTable:
         map: from odds to probabilities.
         thresholds: log odds against the best down to which an answer is in the set, by the names of
             :func:`groups_of`.
-        features: of a session, by name. oddness: the largest distance of a feature from its middle, in
-            spreads, which shares of the trials lie beyond: ``len(oddness)`` values, evenly from all to none.
+        features: of a session, by name.
+        typicality_quantiles: the largest distance of a feature from its middle, in spreads, which shares of
+            the trials lie beyond: so many values, evenly from all to none.
         kinds: share of the trials by the phases of their runs.
         error: expected calibration error. coverage: of the sets; both on the trials that judged it.
     """
@@ -197,7 +201,7 @@ class CalibrationTable:
     map: ProbabilityMap
     thresholds: Mapping[str, float]
     features: Mapping[str, SessionFeature]
-    oddness: tuple[float, ...]
+    typicality_quantiles: tuple[float, ...]
     kinds: Mapping[str, float]
     error: float
     coverage: float
@@ -231,9 +235,9 @@ class CalibrationTable:
             for name, value in features.items()
             if name in self.features
         }
-        beyond = np.linspace(1.0, 0.0, len(self.oddness))
-        share = float(np.interp(max(far.values(), default=0.0), self.oddness, beyond))
-        limit = float(np.interp(1.0 - UNUSUAL, 1.0 - beyond, self.oddness))
+        beyond = np.linspace(1.0, 0.0, len(self.typicality_quantiles))
+        share = float(np.interp(max(far.values(), default=0.0), self.typicality_quantiles, beyond))
+        limit = float(np.interp(1.0 - UNUSUAL, 1.0 - beyond, self.typicality_quantiles))
         words = [_unusual(self.features[name], features[name]) for name, by in far.items() if by > limit]
         same = self.kinds.get(kind, 0.0)
         if self.kinds and same < UNUSUAL:

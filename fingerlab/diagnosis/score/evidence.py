@@ -30,10 +30,10 @@ from fingerlab.diagnosis.settings import (
     DECIDING_LOG_ODDS,
     DOUBTED,
     IMPOSSIBLE,
+    LACK_OF_FIT,
     LEAST_PROBABILITY,
     MOST_ODDS,
     MOST_UNDETECTED,
-    MUCH,
     NOT_BORNE_OUT,
     PRIOR_EFFECTS,
     PRIOR_NOTHING,
@@ -41,7 +41,7 @@ from fingerlab.diagnosis.settings import (
     SET_LOG_ODDS,
     SET_PROBABILITY,
     STRONGEST,
-    TIED,
+    TIE_LOG_ODDS,
     UNEXPLAINED,
     UNEXPLAINED_SHARE,
     UNKNOWN_LEAST,
@@ -206,7 +206,7 @@ def averaged_over_weights(rescored: Evidence, first: str) -> Evidence:
     log_odds = 0.5 * (rescored.log_odds + again)
     for i, one in enumerate(rescored.candidates):
         if one.last_effect.id == first:
-            log_odds[i] = max(log_odds[i], float(log_odds.max()) + TIED)
+            log_odds[i] = max(log_odds[i], float(log_odds.max()) + TIE_LOG_ODDS)
     log_odds = log_odds - log_odds.max(initial=-np.inf)
     found = float(rescored.probabilities.sum())
     return replace(rescored, log_odds=log_odds, probabilities=found * shares_of(log_odds))
@@ -292,7 +292,7 @@ def with_lack_of_fit(evidence: Evidence, last: FittedModel) -> Evidence:
     missing where it and all that follow explain too little of it.
     """
     # What is told is the score, which counts every sample; in the misfit long conditions count for less.
-    lacking = lacks_fit(evidence.base) or evidence.base.score**2 - 1.0 > MUCH
+    lacking = lacks_fit(evidence.base) or evidence.base.score**2 - 1.0 > LACK_OF_FIT
     if evidence.verdict == "nothing_missing" and lacking:
         nothing = DOUBTED * evidence.nothing
         return replace(evidence, nothing=nothing, unknown=evidence.unknown + evidence.nothing - nothing)

@@ -31,7 +31,7 @@ from fingerlab.diagnosis.fit.priors import prior_penalty, starting_arms
 from fingerlab.diagnosis.fit.solver import Fitter, LeftOut
 from fingerlab.diagnosis.gram.sums import EquationWeights, Offsets, Reduced, RunConstants
 from fingerlab.diagnosis.score.fitted_model import FittedModel, FoldErrors, paired_misfit, sensitivity
-from fingerlab.diagnosis.settings import FULL_ITERATIONS, MOST_ROUNDS, MOST_WANDER, SETTLED
+from fingerlab.diagnosis.settings import FULL_ITERATIONS, MOST_ROUNDS, RUN_VARIATION_BOUND, SETTLED
 from fingerlab.diagnosis.signals.conditions import GroupKey
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
 from fingerlab.effects.base import Row
@@ -481,7 +481,7 @@ def own_share(own: Array, h: Array, sums: Weighted) -> Array:
         return np.zeros(len(h))
     stiffness = own.T @ sums.curvature @ own + np.eye(own.shape[1])
     found = np.linalg.solve(stiffness, own.T @ sums.matrix @ h)
-    return np.asarray(-own @ np.clip(found, -MOST_WANDER, MOST_WANDER))
+    return np.asarray(-own @ np.clip(found, -RUN_VARIATION_BOUND, RUN_VARIATION_BOUND))
 
 
 def allowance(own: Array, h: Array, sums: Weighted, jacobian: Array, left: LeftOut) -> float:
@@ -511,7 +511,7 @@ def _gained(stiffness: Array, pull: Array, size: int) -> float:
     run to run follows something that the model lacks.
     """
     found = np.linalg.solve(stiffness, pull)
-    own = np.clip(found[size:], -MOST_WANDER, MOST_WANDER)
+    own = np.clip(found[size:], -RUN_VARIATION_BOUND, RUN_VARIATION_BOUND)
     if np.array_equal(own, found[size:]):
         return float(pull @ found)
     rest = pull[:size] - stiffness[:size, size:] @ own

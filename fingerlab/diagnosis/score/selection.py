@@ -22,17 +22,17 @@ from fingerlab.diagnosis.settings import (
     CONTACT_SHARE,
     COST_OF_A_GAIN,
     DECIDING_LOG_ODDS,
-    EARNED_MOST,
-    EARNED_SHARE,
     EXCESS_SPREAD,
     FAR_LEFT,
+    LACK_OF_FIT,
     LEAST_DIFFERENCE,
     LEAST_EXCESS,
     LEAST_FALL,
     LEAST_FALL_BEYOND,
     LEAST_SHARE,
-    MUCH,
     NEXT_SHARE,
+    OVERFIT_MOST,
+    OVERFIT_SHARE,
     SYSTEMATIC_VALUES,
     USUAL_FREEDOM,
     USUAL_LEFT,
@@ -102,7 +102,7 @@ def cost_of_choice(fitted: FittedModel) -> float:
 def complexity_penalty(base: FittedModel, fitted: FittedModel) -> float:
     """What is added to a model's misfit for the unknowns that its last effect brings."""
     fall = max(max(base.misfit, 0.0) - fitted.misfit, 0.0)
-    earned = EARNED_SHARE * freedom(fitted) * min(fall, EARNED_MOST * base.count)
+    earned = OVERFIT_SHARE * freedom(fitted) * min(fall, OVERFIT_MOST * base.count)
     return earned + max(fitted.widening - base.widening, 0.0)
 
 
@@ -128,7 +128,7 @@ def acts_along_load_axis(fitted: FittedModel) -> bool:
     return not any(f.owner == effect.id and f.row == Row.TIP for f in fitted.model.layout.features)
 
 
-def lacks_fit(fitted: FittedModel, much: float = MUCH) -> bool:
+def lacks_fit(fitted: FittedModel, much: float = LACK_OF_FIT) -> bool:
     """Whether a model leaves so much that something is missing for certain."""
     return fitted.misfit > much * fitted.count
 

@@ -33,9 +33,9 @@ from fingerlab.diagnosis.settings import (
     LONGEST_PATH,
     LOOKING_ITERATIONS,
     MOST_RIVALS,
-    ROUNDS,
     SAME_SHAPE,
     SET_LOG_ODDS,
+    SHAPE_PASSES,
     STEP_GAIN,
     USUAL_LEFT,
 )
@@ -100,7 +100,7 @@ def refine_grid(
         Cancelled: the user asked for it.
     """
     choices = _with_dependent_shapes(found)
-    for _ in range(ROUNDS):
+    for _ in range(SHAPE_PASSES):
         finer = [_finer(c) for c in choices]
         places = [_place(e.shapes, c.effect.shapes[c.shape]) for e, c in zip(finer, choices, strict=True)]
         scorer = Scorer(reduction.refined(finer, watch))
@@ -147,7 +147,7 @@ def refine_last(
 def _at_best_shapes(scorer: Scorer, fitted: FittedModel) -> FittedModel:
     """The model with every effect at the shape that fits best beside the others."""
     several = [k for k, c in enumerate(fitted.choices) if len(c.effect.shapes) > 1]
-    for _ in range(ROUNDS if len(several) > 1 else 1):
+    for _ in range(SHAPE_PASSES if len(several) > 1 else 1):
         for k in several:
             fitted = _best_shape(scorer, fitted, k)
     return fitted

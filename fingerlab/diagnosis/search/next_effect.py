@@ -26,14 +26,14 @@ from fingerlab.diagnosis.score.fitted_model import FittedModel, at_assumed_bound
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.score.selection import justified, lacks_fit, log_odds_among
 from fingerlab.diagnosis.settings import (
-    FRONT,
+    CANDIDATES_REFITTED,
     FULL_ITERATIONS,
     HELD_OUT_TRIALS,
-    HOPEFUL_SHARE,
     LEADING_SHARE,
     MOST_WIDENED,
     SAME_COST_SHARE,
     SCREEN_ITERATIONS,
+    SCREEN_SHARE,
     SET_LOG_ODDS,
     WEAK_PRIOR,
 )
@@ -76,8 +76,8 @@ class ScoreTest:
             cross = raw.across(jacobian[:, self.free].T, model.pick, weights, every)
             own = data.by_constants(i, None, fitter.equation_weights(i), (model.pick, every))
             if own is not None:
-                grip, (mine, theirs) = own
-                of_all = schur_complement(mine, grip, theirs)
+                posterior_covariance, (mine, theirs) = own
+                of_all = schur_complement(mine, posterior_covariance, theirs)
                 pull, cross = pull - h @ of_all, cross - jacobian[:, self.free].T @ of_all
             unit = model.unit_coefficients(values, group)
             taken = None if own is None else (own[0], own[1][1])
@@ -153,7 +153,7 @@ def screen(
     test = ScoreTest(scorer.data, base)
     points = {e.id: test.best_point(e) for e in effects if e.id not in base.effect_ids}
     rest = [e for e in effects if e.id in points and points[e.id].gain >= least]
-    hopeful = HOPEFUL_SHARE * max((p.gain for p in points.values() if p.gain < np.inf), default=0.0)
+    hopeful = SCREEN_SHARE * max((p.gain for p in points.values() if p.gain < np.inf), default=0.0)
     candidates = []
     for number, effect in enumerate(rest):
         watch.tell(number / len(rest), f"trying {effect.title.lower()}")
@@ -263,7 +263,7 @@ def judge_all(
         base = scorer.fit(base.choices, base, FULL_ITERATIONS, weights)
         # Under the new weights another effect may come to the front.
         again = (
-            scorer.fit(c.choices, c, SCREEN_ITERATIONS if i < FRONT else 1, weights)
+            scorer.fit(c.choices, c, SCREEN_ITERATIONS if i < CANDIDATES_REFITTED else 1, weights)
             for i, c in enumerate(candidates)
         )
         candidates = sorted(again, key=_cost)

@@ -21,7 +21,7 @@ from fingerlab.diagnosis.score.selection import (
 )
 from fingerlab.diagnosis.search.next_effect import ScoreTest, climb_grid, judge_all, readjust_shapes
 from fingerlab.diagnosis.settings import (
-    FRONT,
+    CANDIDATES_REFITTED,
     FULL_ITERATIONS,
     LONGEST_PATH,
     NEXT_SHARE,
@@ -167,7 +167,7 @@ def eliminate_backward(scorer: Scorer, fitted: FittedModel, keep: int) -> Fitted
 
 def _rivals(evidence: Evidence) -> list[Effect]:
     """Effects that were hardly told from the one that was taken, itself left out."""
-    return [evidence.candidates[i].last_effect for i in alike(evidence)[: FRONT + 1]][1:]
+    return [evidence.candidates[i].last_effect for i in alike(evidence)[: CANDIDATES_REFITTED + 1]][1:]
 
 
 def _exchanged(
@@ -197,7 +197,7 @@ def _exchanged(
         predicted = ScoreTest(scorer.data, base).best_point
         known = {*held, *(e.id for e in wanted)}
         rest = sorted((e for e in every if e.id not in known), key=lambda e: -predicted(e).gain)
-        wanted += rest[:FRONT]
+        wanted += rest[:CANDIDATES_REFITTED]
         tried = [choices[place], *(Choice(e, predicted(e).shape) for e in wanted)]
         found = [
             climb_grid(scorer, scorer.fit([*others, one], last, SCREEN_ITERATIONS, weights)) for one in tried

@@ -26,6 +26,7 @@ from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.score.floors import scored_in_floors, weights_at_floor
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.score.selection import justified, lacks_fit
+from fingerlab.diagnosis.search.exchange import ExchangedModel, Given, extended, find_rivals, odds_of_rivals
 from fingerlab.diagnosis.search.grid_refinement import (
     break_ties,
     can_refine,
@@ -34,14 +35,13 @@ from fingerlab.diagnosis.search.grid_refinement import (
     refine_path,
     with_plainer_end,
 )
+from fingerlab.diagnosis.search.joint_search import path_of_many
 from fingerlab.diagnosis.search.next_effect import judge_all, rescore
 from fingerlab.diagnosis.search.path import forward_selection
-from fingerlab.diagnosis.search.rivals import Given, Rival, extended, find_rivals, odds_of_rivals
-from fingerlab.diagnosis.search.several import path_of_many
 from fingerlab.diagnosis.settings import (
-    FAR,
     FULL_ITERATIONS,
     GRID_LOG_ODDS,
+    JOINT_SEARCH_LEVEL,
     LEAST_FALL_BEYOND,
     LONGEST_PATH,
     NEARLY_RIGHT,
@@ -104,11 +104,11 @@ class Found:
     evidence: Evidence
     path: Sequence[FittedModel]
     refined: Scorer | None
-    rivals: Sequence[Rival] = ()
+    rivals: Sequence[ExchangedModel] = ()
     many: bool = False
 
     @property
-    def better(self) -> Rival | None:
+    def better(self) -> ExchangedModel | None:
         """The rival that the path leads to, if one is clearly better."""
         return self.rivals[0] if self.rivals and self.rivals[0].better else None
 
@@ -184,7 +184,7 @@ def search_effects(question: Question, scorer: Scorer) -> Found:
     if many is not None:
         evidence = with_first_step(evidence, path)
     evidence = judged_with_path(evidence, path[-1])
-    rivals: list[Rival] = []
+    rivals: list[ExchangedModel] = []
     if question.alone is not None:
         path = [evidence.base, *path[1:]]
         given = Given(scorer, path[0], *question.alone)
@@ -238,7 +238,7 @@ def _rivals(
     path: Sequence[FittedModel],
     path_scorer: Scorer,
     beside: Sequence[FittedModel],
-) -> list[Rival]:
+) -> list[ExchangedModel]:
     """The rivals of the model as given and its path; a better one with what is missing beside it."""
     watch = question.stages.part(0.97, 0.99)
     rivals = find_rivals(question.reduction, given, path, path_scorer, beside, watch)
@@ -286,7 +286,11 @@ def _many(
     first: FirstStep,
 ) -> tuple[Scorer, list[FittedModel]] | None:
     """The path of many effects where no usual one leaves a bench near its model; None: there is none."""
-    far = evidence.least_left >= FAR and lacks_fit(first.end, FAR) and lacks_fit(path[-1], FAR)
+    far = (
+        evidence.least_left >= JOINT_SEARCH_LEVEL
+        and lacks_fit(first.end, JOINT_SEARCH_LEVEL)
+        and lacks_fit(path[-1], JOINT_SEARCH_LEVEL)
+    )
     if scorer.reduced.on_bench or not far:
         return None
     watch = question.stages.part(0.9, 0.95)

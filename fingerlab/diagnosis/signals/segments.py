@@ -15,17 +15,17 @@ import numpy as np
 
 from fingerlab.core.errors import UserError
 from fingerlab.diagnosis.settings import (
-    AGAINST,
-    ALWAYS,
     CLEARLY_HELPING,
     LONGEST_STRETCH_S,
     MOVED_DEG,
     NARROW_RATE_HZ,
     NO_TORQUE,
     PUSHES_N,
+    PUSHING_SHARE,
     SETTLING_S,
     SETTLING_SHARE,
     SHORTEST_STRETCH_S,
+    TURNED_CORRELATION,
     USUAL_INERTIA,
     WIDE_RATE_HZ,
 )
@@ -268,7 +268,7 @@ def _force(run: Run, samples: Mapping[str, Array], lead: int, kernels: Array, st
 
 
 @dataclass(frozen=True)
-class Senses:
+class ChannelSigns:
     """What a free stretch says: ``follows`` its cable, -1 to 1, for MCP and PIP (NaN: hardly moves).
 
     ``tension`` is its mean, N, and ``pushes`` the share of the time at which it is negative.
@@ -282,7 +282,7 @@ class Senses:
     newton: float = 1.0  # what a tension is multiplied by to be told
 
 
-def senses(run: Run, motion: Motion) -> Senses | None:
+def senses(run: Run, motion: Motion) -> ChannelSigns | None:
     """Of a stretch of a run; None where the finger is not free.
 
     Raises:
@@ -307,7 +307,7 @@ def senses(run: Run, motion: Motion) -> Senses | None:
     pull = motion.tension[motion.lead :]
     newton = scales_of(run).of("N")
     mean, pushes = float(pull.mean()), float(np.mean(pull < 0))
-    return Senses(run.name, run.cable, (follows[0], follows[1]), mean, pushes, newton)
+    return ChannelSigns(run.name, run.cable, (follows[0], follows[1]), mean, pushes, newton)
 
 
 def _follows(motion: Motion, angle: Array) -> float:
@@ -317,7 +317,7 @@ def _follows(motion: Motion, angle: Array) -> float:
     return motion.cable_sign * float(np.corrcoef(mine, wound)[0, 1])
 
 
-def check_senses(seen: Sequence[Senses]) -> None:
+def check_senses(seen: Sequence[ChannelSigns]) -> None:
     """Refuse recordings in which every free run says that a channel's sense is turned.
 
     Raises:
@@ -339,7 +339,7 @@ def check_senses(seen: Sequence[Senses]) -> None:
             f"The {joint} angle turns against {cable} in every free run (run {first.run}, for one) while the "
             "other joint follows it; turn its sign, flexion is positive."
         )
-    if all(one.tension < PUSHES_N and one.pushes > ALWAYS for one in seen):
+    if all(one.tension < PUSHES_N and one.pushes > PUSHING_SHARE for one in seen):
         raise UserError(
             f"The motor's torque would push the cable in every free run (run {first.run}: "
             f"{first.tension * first.newton:.3g} N on average), which no cable can; turn the sign of "
@@ -350,4 +350,4 @@ def check_senses(seen: Sequence[Senses]) -> None:
 def _turned(follows: Sequence[float]) -> bool:
     """Whether a joint turns against its cable wherever it moves."""
     known = [one for one in follows if np.isfinite(one)]
-    return bool(known) and max(known) < AGAINST
+    return bool(known) and max(known) < TURNED_CORRELATION

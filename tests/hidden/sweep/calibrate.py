@@ -138,12 +138,12 @@ FREE: dict[str, tuple[Callable[[float], float], float, float]] = {
     "verdict": (math.exp, math.log(0.5), 1.0),
     "quiet": (float, 0.0, 1.5),
     "strange": (float, 0.0, 1.5),
-    "verdict_lapse": (float, -4.5, 1.0),
-    "verdict_lapse_left": (float, 1.5, 1.0),
+    "uninformative_verdict": (float, -4.5, 1.0),
+    "uninformative_verdict_slope": (float, 1.5, 1.0),
     "effect": (math.exp, math.log(0.7), 0.7),
-    "blunt": (lambda x: 0.3 / (1.0 + math.exp(-x)), 0.0, 1.0),
-    "lapse": (float, -4.0, 1.0),
-    "lapse_left": (float, 1.5, 1.0),
+    "sharpness_uninformative": (lambda x: 0.3 / (1.0 + math.exp(-x)), 0.0, 1.0),
+    "uninformative_effect": (float, -4.0, 1.0),
+    "uninformative_effect_slope": (float, 1.5, 1.0),
     "hidden": (float, 0.0, 1.5),
 }
 """Values of the map that are fitted: from the whole line to each; there the prior's middle and spread."""
@@ -248,12 +248,12 @@ def distances(one: KnownTrial, table: CalibrationTable) -> Array:
 
 def fit_table(trials: Sequence[KnownTrial], version: str) -> CalibrationTable:
     """Map, features and thresholds of the trials; error and coverage are not known yet."""
-    features, oddness = fit_features(trials)
+    features, typicality_quantiles = fit_features(trials)
     counted: dict[str, float] = defaultdict(float)
     for one in trials:
         counted[one.phases] += 1.0 / len(trials)
     table = CalibrationTable(
-        version, len(trials), 0, POPULATION, fit_map(trials), {"any": 3.0}, features, oddness,
+        version, len(trials), 0, POPULATION, fit_map(trials), {"any": 3.0}, features, typicality_quantiles,
         dict(sorted(counted.items())), 0.0, 0.0,
     )  # fmt: skip
     return replace(table, thresholds=fit_thresholds(trials, table))

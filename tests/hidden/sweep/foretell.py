@@ -24,7 +24,7 @@ from scipy.optimize import minimize
 from scipy.stats import norm
 from threadpoolctl import threadpool_limits
 
-from fingerlab.diagnosis.experiment.separation import ForetellingTable, GainLine
+from fingerlab.diagnosis.experiment.separation import GainCalibration, GainLine
 from fingerlab.diagnosis.settings import DECIDING_LOG_ODDS
 from fingerlab.sessions.model import Array
 from fingerlab.twin.effects import EFFECTS
@@ -132,14 +132,14 @@ def fit_shows(found: Sequence[tuple[float, float]]) -> GainLine:
     return GainLine(float(offset), 1.0, math.exp(float(spread)), len(x))
 
 
-def fit_table(entries: Sequence[Entry], version: str) -> ForetellingTable:
+def fit_table(entries: Sequence[Entry], version: str) -> GainCalibration:
     """The correction that these proposals call for."""
     found = [one for entry in entries for one in pairs(entry)]
     among, bench = (
         fit_line([(p, g) for k, p, g in found if k == kind and p > 0.0]) for kind in ("among", "bench")
     )
     shows = fit_shows([(p, g) for k, p, g in found if k == "shows"])
-    return ForetellingTable(
+    return GainCalibration(
         version, sum("after" in entry for entry in entries), POPULATION, among, bench, shows
     )
 
@@ -209,7 +209,7 @@ def _what(proposal: Entry) -> str:
     return " ".join(words) + (f" ({changes})" if changes else "")
 
 
-def page(entries: Sequence[Entry], table: ForetellingTable, command: str, before: str) -> str:
+def page(entries: Sequence[Entry], table: GainCalibration, command: str, before: str) -> str:
     """The committed page."""
     lines = [
         "# Proposed runs, and what was foretold of them", "",

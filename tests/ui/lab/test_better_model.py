@@ -67,7 +67,7 @@ def test_the_banner_names_the_better_model_and_one_click_exchanges_it(
         "friction takes the error on runs left out of the fit from 1.60 to 1.06 times the bench's own "
         "repeatability."
     )
-    assert lab.view.truth.title.text() == "Not true: another model is better"
+    assert lab.view.validation.title.text() == "Not true: another model is better"
     assert child(window, QPushButton, "addToModel").text() == "Exchange in &the model"
     assert lab.view.path.path.bars[-1].title == "Coulomb joint friction for viscous joint friction"
     click(window, "exchange")
@@ -76,7 +76,7 @@ def test_the_banner_names_the_better_model_and_one_click_exchanges_it(
         timeout=PATIENCE,
     )
     assert not banner.isVisible()
-    assert lab.view.truth.title.text() == "True, as far as these recordings can show"
+    assert lab.view.validation.title.text() == "True, as far as these recordings can show"
     assert lab.view.path.path.bars[-1].title == "Coulomb joint friction for viscous joint friction"
     click(window, "undo")
     assert lab.controller.history.now.added == ("viscous_friction",)
@@ -101,7 +101,7 @@ def test_adding_what_replaces_an_effect_takes_that_one_out(qtbot: QtBot, window:
 
 
 def test_true_is_not_said_of_what_leaves_too_much_or_is_one_of_two(window: MainWindow) -> None:
-    truth, history = lab_of(window).view.truth, lab_of(window).controller.history
+    validation, history = lab_of(window).view.validation, lab_of(window).controller.history
     fine = invented.friction_diagnosis("invented.h5")
     other = OtherModel(("coulomb_friction",), ("stribeck_friction",), ("stribeck_friction",), 1.1, -0.5)
     for diagnosis, title, word in (
@@ -109,6 +109,6 @@ def test_true_is_not_said_of_what_leaves_too_much_or_is_one_of_two(window: MainW
         (replace(fine, as_good=(other,)), "Perhaps true: another model is as good", "perhaps, as is another"),
     ):
         history.push(replace(history.now, diagnosis=diagnosis))
-        truth.show_history(history)
-        assert truth.title.text() == title
+        validation.show_history(history)
+        assert validation.title.text() == title
         assert step_results(diagnosis, history)["true"] == word

@@ -17,7 +17,7 @@ from fingerlab.diagnosis.answer.results import Diagnosis, HeldOutRuns
 from fingerlab.diagnosis.answer.where import FINER
 from fingerlab.ui.app.window import MainWindow
 from fingerlab.ui.lab.comparison_plot import ComparisonPlot
-from fingerlab.ui.lab.truth import HeldOutTable
+from fingerlab.ui.lab.validation import HeldOutTable
 
 from .. import invented
 from ..hands import LEFT, PATIENCE, child, click, lab_of, wait_for_result

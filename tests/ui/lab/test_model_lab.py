@@ -193,8 +193,8 @@ def test_the_steps_are_worked_by_keys(opened: MainWindow) -> None:
     QTest.keyClick(opened, Qt.Key.Key_F5)
     assert QApplication.focusWidget() is lab.candidates.add_button
     QTest.keyClick(opened, Qt.Key.Key_F6)
-    assert lab.truth.isVisible()
-    assert "tell Coulomb joint friction from Stribeck joint friction" in lab.truth.next.text()
+    assert lab.validation.isVisible()
+    assert "tell Coulomb joint friction from Stribeck joint friction" in lab.validation.next.text()
     QTest.keyClick(opened, Qt.Key.Key_F4)
     assert QApplication.focusWidget() is lab.candidates.view
     assert lab.evidence.isVisible()

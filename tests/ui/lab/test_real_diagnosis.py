@@ -13,7 +13,7 @@ from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.twin.effects import parse_effects
 from fingerlab.twin.protocols import load_preset
 from fingerlab.twin.session import write_session
-from fingerlab.ui.lab.truth import HeldOutTable
+from fingerlab.ui.lab.validation import HeldOutTable
 from tests.diagnosis.test_no_alarm import shortened
 
 from ..hands import child, click, drop, lab_of

@@ -20,7 +20,7 @@ from fingerlab.twin.protocols import load_preset, single_run
 from fingerlab.twin.session import write_session
 from fingerlab.ui.app.window import MainWindow
 from fingerlab.ui.lab.controller import ModelHistory, ModelStep
-from fingerlab.ui.lab.truth import TruthPanel
+from fingerlab.ui.lab.validation import ValidationPanel
 from fingerlab.ui.predict.predict_tab import PredictTab
 
 from .. import invented
@@ -56,7 +56,7 @@ def test_what_became_of_the_force_is_said_where_the_model_is_judged(qtbot: QtBot
         replace(one, errors={**one.errors, "endpoint_force": EquationError("N", rmse, 0.99, 0.05)})
         for one, rmse in ((invented.nominal_diagnosis("a"), 0.91), (invented.friction_diagnosis("a"), 0.06))
     )
-    panel, history = TruthPanel(), ModelHistory([ModelStep((), with_force)])
+    panel, history = ValidationPanel(), ModelHistory([ModelStep((), with_force)])
     qtbot.addWidget(panel)
     panel.show_history(history)
     assert "The error of the endpoint force on them is 0.910 N (floor 0.050 N)." in panel.held_out.text()
@@ -70,7 +70,7 @@ def test_where_the_panel_is_narrow_buttons_go_on_below_and_a_row_stays_one_line(
     sine = {"kind": "sine", "amplitude_deg": 15.0, "frequency_hz": 1.0}
     told = HeldOutRuns(("007", "008", "009"), "contact", "flexion", sine, 1.0)
     now = replace(invented.nominal_diagnosis("a"), held_out=(told, replace(told, runs=("010",), score=2.0)))
-    panel = TruthPanel()
+    panel = ValidationPanel()
     qtbot.addWidget(panel)
     panel.show_history(ModelHistory([ModelStep((), now)]))
     panel.show()
@@ -117,7 +117,7 @@ def test_a_proposed_change_of_the_machine_is_asked_for_in_acquire(
     ((change, record),) = handed
     assert "with 13 g fixed to the finger 48 mm beyond the PIP axis" in change.prompt
     assert record.attributes == {"intervention": json.dumps(mass)}
-    panel = TruthPanel()
+    panel = ValidationPanel()
     panel.show_history(ModelHistory([ModelStep((), asked)]))
     assert "with 13 g fixed to the finger 48 mm beyond the PIP axis" in panel.next.text()
 

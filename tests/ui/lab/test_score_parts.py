@@ -14,7 +14,7 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QTableWidget
 from pytestqt.qtbot import QtBot
 
-from fingerlab.diagnosis.answer.results import AsideStretch, Diagnosis, LeftAside, ScorePart
+from fingerlab.diagnosis.answer.results import Diagnosis, ExcludedByMotion, ExcludedInterval, ScorePart
 from fingerlab.sessions.model import Session
 from fingerlab.ui.app.window import MainWindow
 
@@ -37,14 +37,14 @@ def with_parts(found: Diagnosis) -> Diagnosis:
         for run in RUNS
         for equation in ("mcp_torque", "cable_kinematics")
     )  # fmt: skip
-    aside = tuple(LeftAside((run,), "on_air", "extension", "", "ramp", 0.125, 1.5) for run in RUNS)
-    slack = LeftAside(("003",), "on_air", "extension", "cable_kinematics", "slack", 1 / 6, 2.0)
-    ramp, loose = AsideStretch("ramp", 0.0, invented.START_UP), AsideStretch("slack", *LOOSE)
+    aside = tuple(ExcludedByMotion((run,), "on_air", "extension", "", "ramp", 0.125, 1.5) for run in RUNS)
+    slack = ExcludedByMotion(("003",), "on_air", "extension", "cable_kinematics", "slack", 1 / 6, 2.0)
+    ramp, loose = ExcludedInterval("ramp", 0.0, invented.START_UP), ExcludedInterval("slack", *LOOSE)
     comparisons = tuple(
         replace(c, aside=(ramp, loose) if (c.run, c.equation) == ("003", "cable_kinematics") else (ramp,))
         for c in found.comparisons
     )
-    return replace(found, score_parts=parts, left_aside=(*aside, slack), comparisons=comparisons)
+    return replace(found, score_parts=parts, excluded_by_motion=(*aside, slack), comparisons=comparisons)
 
 
 @pytest.fixture
@@ -112,8 +112,8 @@ def test_what_is_left_aside_is_shaded_and_told_with_its_share(taken_apart: MainW
         ratio = image.devicePixelRatio()
         return darker(image, round(corner.x() * ratio), round(corner.y() * ratio))
 
-    left_aside = [at(0.75), at(4.75)]  # the swing is at its top there, the patch is free of it
+    excluded_by_motion = [at(0.75), at(4.75)]  # the swing is at its top there, the patch is free of it
     judged = [at(2.25), at(8.25)]
-    assert max(left_aside) < min(judged) - 3
+    assert max(excluded_by_motion) < min(judged) - 3
     view.bar.go_to("mcp_torque", "001")
     assert key.toolTip() == "Left aside of this run: start and edges 13 %."

@@ -15,7 +15,7 @@ from fingerlab.library.notes import Verdict
 from fingerlab.report.diagnosis_words import set_sentence, verdict_sentence
 from fingerlab.ui.app.window import MainWindow
 from fingerlab.ui.lab.result_words import set_help, set_words
-from fingerlab.ui.lab.truth import HeldOutTable
+from fingerlab.ui.lab.validation import HeldOutTable
 from fingerlab.ui.sessions.session_table import verdict_help, verdict_text
 
 from .. import invented
@@ -56,9 +56,9 @@ def test_the_verdict_says_what_it_could_not_see_and_offers_the_run(window: MainW
         "The proposed run would show Stribeck joint friction and tilted base."
     )
     view = lab_of(window).view
-    assert view.right.currentWidget() is view.truth
-    assert view.truth.title.text() == "True, as far as these recordings can show"
-    assert "It would show Stribeck joint friction and tilted base, if there" in view.truth.next.text()
+    assert view.right.currentWidget() is view.validation
+    assert view.validation.title.text() == "True, as far as these recordings can show"
+    assert "It would show Stribeck joint friction and tilted base, if there" in view.validation.next.text()
     assert view.steps.result("missing") == "nothing that they could show"
     handed: list[Any] = []
     window.context.protocol_handed.connect(lambda steps, title: handed.append(steps))

@@ -15,13 +15,13 @@ import numpy as np
 from fingerlab.core.errors import UserError
 from fingerlab.diagnosis.settings import (
     ANOTHER_UNIT,
+    COMMAND_CORRELATION,
     DEAD_SHARE,
     FIRST_LOOK_S,
     LARGEST_ARM_M,
     LEAST_ARM_M,
     MOVED_DEG,
     OFF_CURRENT,
-    OPPOSITE,
     PULLS_SHARE,
     SWING_SAMPLES,
 )
@@ -33,7 +33,7 @@ NOT_KNOWN = float("nan")
 
 
 @dataclass(frozen=True)
-class Facts:
+class ChannelRatios:
     """What one run says of its channels, in numbers without a unit; NaN where it says nothing.
 
     Attributes:
@@ -57,7 +57,7 @@ class Facts:
     swing: float = NOT_KNOWN
 
 
-def facts_of(run: Run, motion: Motion, rig: Rig) -> Facts:
+def facts_of(run: Run, motion: Motion, rig: Rig) -> ChannelRatios:
     """Of the first stretch of a run."""
     inner = slice(motion.lead, None)
     wound = motion.radius * motion.position[inner]
@@ -66,7 +66,7 @@ def facts_of(run: Run, motion: Motion, rig: Rig) -> Facts:
     if np.ptp(motion.torque[inner]) == 0:
         still.append("motor_torque")
     if motion.joints is None or rig.finger is None:
-        return Facts(run.name, True, current, command, agrees, tuple(still))
+        return ChannelRatios(run.name, True, current, command, agrees, tuple(still))
     q = motion.joints
     mcp, pip = _swing(q.mcp[inner]), _swing(q.pip[inner])
     pull = motion.tension[inner]
@@ -78,7 +78,9 @@ def facts_of(run: Run, motion: Motion, rig: Rig) -> Facts:
         mean, varies = max(float(np.mean(pull)), 0.0), _swing(pull)
         share = float(np.mean(force)) / (newton * mean) if mean > 0 else NOT_KNOWN
         swing = _swing(force) / (newton * varies) if varies > PULLS_SHARE * mean > 0 else NOT_KNOWN
-        return Facts(run.name, False, current, command, agrees, tuple(still), force=share, swing=swing)
+        return ChannelRatios(
+            run.name, False, current, command, agrees, tuple(still), force=share, swing=swing
+        )
     moved = np.radians(MOVED_DEG)
     for name, mine, other in (("mcp_angle", mcp, pip), ("pip_angle", pip, mcp)):
         if other > moved and mine < DEAD_SHARE * other:
@@ -87,7 +89,7 @@ def facts_of(run: Run, motion: Motion, rig: Rig) -> Facts:
     torque = float(np.hypot(rig.finger.mcp_stiffness * mcp, rig.finger.pip_stiffness * pip))
     swing = _swing(pull)
     spring = torque / swing if swing > 0 and max(mcp, pip) > moved else NOT_KNOWN
-    return Facts(
+    return ChannelRatios(
         run.name, False, current, command, agrees, tuple(still), arm if max(mcp, pip) > moved else NOT_KNOWN,
         spring,
     )  # fmt: skip
@@ -124,7 +126,7 @@ def _usual_arm(rig: Rig) -> float:
     return float(np.sqrt(LEAST_ARM_M * LARGEST_ARM_M))
 
 
-def check_channels(seen: Sequence[Facts]) -> None:
+def check_channels(seen: Sequence[ChannelRatios]) -> None:
     """Refuse recordings whose channels contradict the rig, geometry or each other in every run that tells.
 
     Raises:
@@ -136,7 +138,7 @@ def check_channels(seen: Sequence[Facts]) -> None:
             raise UserError(sentence)
 
 
-def _dead(seen: Sequence[Facts]) -> str:
+def _dead(seen: Sequence[ChannelRatios]) -> str:
     for channel in ("motor_position", "motor_torque", "mcp_angle", "pip_angle"):
         those = [f for f in seen if not (channel.endswith("angle") and np.isnan(f.arm))]
         if those and all(channel in f.still for f in those):
@@ -148,7 +150,7 @@ def _dead(seen: Sequence[Facts]) -> str:
     return ""
 
 
-def _units(seen: Sequence[Facts]) -> str:
+def _units(seen: Sequence[ChannelRatios]) -> str:
     ratios = _known(seen, lambda f: f.current)
     if ratios and (min(v for _, v in ratios) > OFF_CURRENT or max(v for _, v in ratios) < 1.0 / OFF_CURRENT):
         run, value = ratios[0]
@@ -158,7 +160,7 @@ def _units(seen: Sequence[Facts]) -> str:
             f"and gear ratio make it (run {run}, for one); {turned}, or correct the rig."
         )
     signs = _known(seen, lambda f: f.agrees)
-    if signs and max(v for _, v in signs) < -OPPOSITE:
+    if signs and max(v for _, v in signs) < -COMMAND_CORRELATION:
         return (
             f"Channel 'motor_position' turns against its command in every run (run {signs[0][0]}, for one); "
             "turn the sign of one of them."
@@ -190,7 +192,7 @@ def _units(seen: Sequence[Facts]) -> str:
     return ""
 
 
-def _force(seen: Sequence[Facts]) -> str:
+def _force(seen: Sequence[ChannelRatios]) -> str:
     forces = _known(seen, lambda f: f.force)
     if not forces:
         return ""
@@ -219,6 +221,6 @@ def _force(seen: Sequence[Facts]) -> str:
     return ""
 
 
-def _known(seen: Sequence[Facts], what: Callable[[Facts], float]) -> list[tuple[str, float]]:
+def _known(seen: Sequence[ChannelRatios], what: Callable[[ChannelRatios], float]) -> list[tuple[str, float]]:
     """Runs that tell a number, and the number."""
     return [(f.run, what(f)) for f in seen if np.isfinite(what(f))]

@@ -22,16 +22,16 @@ from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.search.grid_refinement import fit_effects, refine_grid, with_shapes_of
 from fingerlab.diagnosis.search.next_effect import ScoreTest, climb_grid
 from fingerlab.diagnosis.settings import (
+    CANDIDATES_REFITTED,
     EVERYDAY,
     FAR_SHARE,
-    FRONT,
     FULL_ITERATIONS,
-    IDLE_SHARE,
     LEAST_SHARE_OF_MANY,
     LEAST_TAUT,
     MOST_BEYOND,
     NEARLY_AS_GOOD,
     NEEDLESS_SHARE,
+    REMOVAL_SHARE,
     SCREEN_ITERATIONS,
     TOO_CLOSE,
     USUAL_SHARE,
@@ -69,7 +69,7 @@ def path_of_many(
     if not _explains_most(alone, fitted, keep):
         return None
     alone, fitted = refine_grid(reduction, fitted, watch)
-    fitted = _without_needless(alone, fitted, keep, IDLE_SHARE)
+    fitted = _without_needless(alone, fitted, keep, REMOVAL_SHARE)
     scorer, fitted = _beside_all(reduction, catalogue, fitted, watch)
     for more_than_usual in range(MOST_BEYOND):
         many = len(fitted.choices) - keep + 1
@@ -119,7 +119,7 @@ def _promising(scorer: Scorer, fitted: FittedModel) -> list[FittedModel]:
     order = sorted(effects, key=lambda e: -points[e.id].gain)
     unranked = sum(points[e.id].gain == float("inf") for e in order)
     result = []
-    for effect in order[: unranked + FRONT]:
+    for effect in order[: unranked + CANDIDATES_REFITTED]:
         point = points[effect.id]
         shapes = range(len(effect.shapes)) if point.gain == float("inf") else [point.shape]
         one = [

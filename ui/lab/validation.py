@@ -121,7 +121,7 @@ FORCE = "endpoint_force"
 """Key of ``Diagnosis.errors``."""
 
 
-class TruthPanel(QWidget):
+class ValidationPanel(QWidget):
     """Words on the present model.
 
     Signals ``hand_asked``: the proposed recording; ``predict_asked``, ``save_asked``: with the present model;

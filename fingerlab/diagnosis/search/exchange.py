@@ -37,7 +37,7 @@ from fingerlab.sessions.model import Array
 
 
 @dataclass(frozen=True)
-class Rival:
+class ExchangedModel:
     """Another model of the same recordings.
 
     Attributes:
@@ -93,7 +93,7 @@ def find_rivals(
     path_scorer: Scorer,
     beside: Sequence[FittedModel],
     watch: Watch,
-) -> list[Rival]:
+) -> list[ExchangedModel]:
     """The models with one given effect exchanged that do as well as the path, or nearly; best first.
 
     Args:
@@ -102,7 +102,7 @@ def find_rivals(
     """
     shapes = {one.last_effect.id: one.choices[-1].shape for one in beside}
     end = scored_under(path_scorer, path[-1], given.fitted.weights) if len(path) > 1 else None
-    found: dict[tuple[str, tuple[str, ...]], Rival] = {}
+    found: dict[tuple[str, tuple[str, ...]], ExchangedModel] = {}
     choices = given.fitted.choices
     for place, choice in enumerate(choices):
         watch.tell(place / len(choices), f"trying others in place of {choice.effect.title.lower()}")
@@ -113,14 +113,14 @@ def find_rivals(
     return sorted(found.values(), key=lambda one: -one.log_odds)
 
 
-def odds_of_rivals(rivals: Sequence[Rival]) -> dict[str, float]:
+def odds_of_rivals(rivals: Sequence[ExchangedModel]) -> dict[str, float]:
     """The best log odds of each effect that comes in first, by its id."""
     return {one.added[0]: one.log_odds for one in reversed(rivals)}
 
 
 def extended(
-    reduction: Reduction, catalogue: Sequence[Effect], rival: Rival, weights: Weights, watch: Watch
-) -> Rival:
+    reduction: Reduction, catalogue: Sequence[Effect], rival: ExchangedModel, weights: Weights, watch: Watch
+) -> ExchangedModel:
     """The rival with what is missing beside it, too.
 
     Args:
@@ -167,7 +167,7 @@ def _in_place_of(
     place: int,
     shapes: Mapping[str, int],
     watch: Watch,
-) -> list[Rival]:
+) -> list[ExchangedModel]:
     """Models without the given effect at ``place`` that do as well as the model as given and its path."""
     scorer = given.scorer
     own, more = given.last(place)
@@ -197,7 +197,7 @@ def _exchanged(
     own: FittedModel,
     shapes: Mapping[str, int],
     watch: Watch,
-) -> list[Rival]:
+) -> list[ExchangedModel]:
     """The model with other effects where ``own`` has its last one; those that do not leave far more.
 
     The given effect stands between the points of its grid; so do those that come near it.
@@ -209,7 +209,7 @@ def _exchanged(
     beyond = max(reach, own.fit.cost + GRID_SHARE * gained)
     tried = screen(scorer, without, catalogue, watch, RIVAL_SHARE * gained, shapes)[:HELD_OUT_TRIALS]
     near = [climb_grid(scorer, one) for one in tried if one.fit.cost < own.fit.cost + RIVAL_SHARE * gained]
-    rivals: list[Rival] = []
+    rivals: list[ExchangedModel] = []
     for one in sorted((one for one in near if one.fit.cost < beyond), key=lambda one: one.fit.cost):
         found, by, closer = one, scorer, len(rivals) < CLOSER_RIVALS and can_refine([one.choices[-1]])
         if closer:
@@ -217,11 +217,11 @@ def _exchanged(
         # What was looked at closely is judged by runs held out: the cost in sample is for more parameters.
         if closer or found.fit.cost < reach:
             name = one.last_effect.id
-            rivals.append(Rival(own.last_effect.id, (name,), (by.score_held_out(found),), by))
+            rivals.append(ExchangedModel(own.last_effect.id, (name,), (by.score_held_out(found),), by))
     return rivals
 
 
-def _spared(scorer: Scorer, end: FittedModel, place: int, given: int) -> Rival | None:
+def _spared(scorer: Scorer, end: FittedModel, place: int, given: int) -> ExchangedModel | None:
     """The path's end without the given effect at ``place``, if the later ones have made that needless."""
     choices = list(end.choices)
     idle = choices.pop(place)
@@ -233,10 +233,12 @@ def _spared(scorer: Scorer, end: FittedModel, place: int, given: int) -> Rival |
         for k in range(given, len(choices))
     ]
     added = tuple(c.effect.id for c in choices[given - 1 :])
-    return Rival(idle.effect.id, added, (*fewer, shorter), scorer)
+    return ExchangedModel(idle.effect.id, added, (*fewer, shorter), scorer)
 
 
-def _log_odds(without: FittedModel, known: Sequence[FittedModel], rivals: Sequence[Rival]) -> list[float]:
+def _log_odds(
+    without: FittedModel, known: Sequence[FittedModel], rivals: Sequence[ExchangedModel]
+) -> list[float]:
     """Log odds of whole models against the likeliest known one; every further effect costs its prior."""
     if not rivals:
         return []
