@@ -45,8 +45,14 @@ SETTLING_S = 2.0
 """Left out at the start of a run: the ramp from rest (1.5 s on the bench) and the end of its transient, s."""
 SETTLING_SHARE = 1.0 / 3.0
 """... and of a short run no more than this share: it has a shorter start, or little to spare; assumed."""
+AT_ONCE_S, AT_ONCE_STEP_S, AT_ONCE_SHARE = 0.3, 0.05, 0.5
+"""... and so much, s, of a log that begins in the middle of a motion: whose speed, told over steps of so many
+seconds, is in this time so large a share of what it is over all. A ramp of 1.5 s has a tenth; assumed."""
 SHORTEST_STRETCH_S = 2.0
 """A stretch that is shorter is left out, s; assumed: at either end the filters take a share of it."""
+OFTEN_STILL = 0.01
+"""Share of the samples at which a channel stands that shows its step; assumed: it is small beside the motion
+where fewer do."""
 USUAL_LAG_S, USUAL_LAG_SAMPLES = 0.002, 2.0
 """A motor's torque is logged later than its position by about so much, or so many samples: its current is
 filtered, a bus hands either on; assumed. Up to ten times as much is looked for."""

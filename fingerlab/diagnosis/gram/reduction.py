@@ -22,7 +22,16 @@ from fingerlab.diagnosis.equations.columns import Asked, asked_of, layout_of
 from fingerlab.diagnosis.equations.features import Layout
 from fingerlab.diagnosis.gram.decimation import Decimated, SegmentCache
 from fingerlab.diagnosis.gram.run_sums import Keep, in_place, pair_sums, run_sums, sums_in_turn
-from fingerlab.diagnosis.gram.sums import Group, PairSums, Reduced, RunConstants, RunSums, add_among, empty
+from fingerlab.diagnosis.gram.sums import (
+    Group,
+    PairSums,
+    Reduced,
+    RunConstants,
+    RunSums,
+    add_among,
+    empty,
+    finer_of,
+)
 from fingerlab.diagnosis.settings import MOST_CLOSER, MOST_LOOKED_AT, STATE_ORDERS
 from fingerlab.diagnosis.signals.channel_checks import ChannelRatios, check_channels
 from fingerlab.diagnosis.signals.conditions import (
@@ -436,8 +445,8 @@ def _add(group: Group, k: int, found: RunSums, number: int, motion: int | None) 
         group.trends.setdefault((group.dealt[k].condition, number), []).append(whole)
     for cycle in found.cycles if motion is not None else ():
         group.cycles.setdefault((motion, cycle.stretch), []).append(cycle)
-    group.encoder_variance = max(group.encoder_variance, found.encoder_variance)
-    group.encoder_noise = tuple(map(max, group.encoder_noise, found.encoder_noise))
+    group.encoder_variance = finer_of(group.encoder_variance, found.encoder_variance)
+    group.encoder_noise = tuple(map(finer_of, group.encoder_noise, found.encoder_noise))
     group.state_products += [found.state_products] if found.state_products else []
 
 

@@ -31,7 +31,7 @@ from fingerlab.diagnosis.gram.decimation import (
     to_cache,
 )
 from fingerlab.diagnosis.gram.state_law import signal_products, torque_products
-from fingerlab.diagnosis.gram.sums import Cycle, PairSums, Part, RunSums, Sums
+from fingerlab.diagnosis.gram.sums import Cycle, PairSums, Part, RunSums, Sums, finer_of
 from fingerlab.diagnosis.settings import NARROW_RATE_HZ, TASKS_AHEAD, TREND_DEGREE
 from fingerlab.diagnosis.signals.channel_checks import facts_of
 from fingerlab.diagnosis.signals.conditions import GroupKey
@@ -170,9 +170,9 @@ def run_sums(
                 stretch = frequency, float(low.time[0]), float(low.time[-1]), len(low.time)
                 result.cycles.append(Cycle(stretch, low.live + asked.start, cyclic))
         of_a_step = motion.position_step**2 / 12.0
-        result.encoder_variance = max(result.encoder_variance, motion.radius**2 * of_a_step)
+        result.encoder_variance = finer_of(result.encoder_variance, motion.radius**2 * of_a_step)
         of_encoder = tuple(of_a_step * one for one in noise_of_derivatives(run.sample_rate_hz))
-        result.encoder_noise = tuple(map(max, result.encoder_noise, of_encoder))
+        result.encoder_noise = tuple(map(finer_of, result.encoder_noise, of_encoder))
         if keep is not None:
             keep(session, run, low)
     return result

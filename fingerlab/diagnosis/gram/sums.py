@@ -333,6 +333,11 @@ def feature_weights(weights: Array, rows: IntArray) -> Array:
     return weights.take(rows, axis=0).take(rows, axis=1)
 
 
+def finer_of(one: float, other: float) -> float:
+    """The smaller of what two stretches say of an encoder's step, which is one for all; 0 says nothing."""
+    return min(one, other) if one > 0 and other > 0 else max(one, other)
+
+
 def add_among(whole: Array, part: Array, live: IntArray | None) -> None:
     """Add products of the signals ``live`` alone, or of all, to those of all, (signals, signals), in place.
 

@@ -33,6 +33,7 @@ from fingerlab.diagnosis.settings import (
     NARROW_CUTOFF_HZ,
     NARROW_RATE_HZ,
     NARROW_TAPS,
+    OFTEN_STILL,
     PULSE_SAMPLES,
     REPORTED_JITTER,
     SPIKE_NEIGHBOURS,
@@ -209,9 +210,14 @@ NONE = np.zeros(0, dtype=int)
 
 
 def smallest_step(values: Array) -> float:
-    """The step in which a channel is read: its smallest change, where it often does not change at all."""
+    """The step in which a channel is read: its smallest change where it often does not change; else 0.
+
+    Of what moves many steps from each sample to the next no step is seen.
+    """
     changes = np.abs(np.diff(values))
-    return float(changes.min(where=changes > 0, initial=np.inf)) if (changes > 0).any() else 0.0
+    moved = changes > 0
+    often = len(changes) > 0 and np.mean(~moved) >= OFTEN_STILL
+    return float(changes.min(where=moved, initial=np.inf)) if often and moved.any() else 0.0
 
 
 NARROW_STEP = round(WIDE_RATE_HZ / NARROW_RATE_HZ)

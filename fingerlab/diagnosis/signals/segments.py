@@ -15,6 +15,9 @@ import numpy as np
 
 from fingerlab.core.errors import UserError
 from fingerlab.diagnosis.settings import (
+    AT_ONCE_S,
+    AT_ONCE_SHARE,
+    AT_ONCE_STEP_S,
     CLEARLY_HELPING,
     LONGEST_STRETCH_S,
     MOVED_DEG,
@@ -91,8 +94,23 @@ def segments_of(run: Run, rig: Rig) -> Iterator[Motion]:
 
 
 def settling_s(run: Run) -> float:
-    """What is left out at the start of a run, s."""
-    return min(SETTLING_S, SETTLING_SHARE * run.seconds)
+    """What is left out at the start of a run, s: a ramp from rest, or what rubs needs to find its state."""
+    usual = min(SETTLING_S, SETTLING_SHARE * run.seconds)
+    # A finger's runs are a rig's own: they begin at rest.
+    at_once = run.phase == "motor_bench" and moves_at_once(run)
+    return min(AT_ONCE_S, usual) if at_once else usual
+
+
+def moves_at_once(run: Run) -> bool:
+    """Whether the motor moves from the first sample on as it does later: a log of a motion under way."""
+    step = max(round(AT_ONCE_STEP_S * run.sample_rate_hz), 1)
+    position = run.channel("motor_position", 0, min(run.length, int(LONGEST_STRETCH_S * run.sample_rate_hz)))
+    speeds = np.diff(position[::step])
+    first = speeds[: max(math.ceil(AT_ONCE_S * run.sample_rate_hz / step), 1)]
+    squares = [
+        float(np.mean(known**2)) if len(known := part[np.isfinite(part)]) else 0.0 for part in (first, speeds)
+    ]
+    return squares[0] > AT_ONCE_SHARE**2 * squares[1]
 
 
 def _duration(run: Run, seconds: float) -> str:
