@@ -66,13 +66,16 @@ from fingerlab.diagnosis.settings import (
     FULL_ITERATIONS,
     LAG_SHARE,
     NEARLY_RIGHT,
+    ONE_WAY,
+    ONE_WAY_POINTS,
     RUN_LOG_ODDS,
     SET_LOG_ODDS,
+    STANDING_LOAD,
     STILL_LEFT,
 )
 from fingerlab.effects import effect, whole_catalogue
 from fingerlab.effects.base import Effect
-from fingerlab.sessions.model import Array, Session
+from fingerlab.sessions.model import Array, Run, Session
 
 if TYPE_CHECKING:
     from fingerlab.diagnosis.answer.curves import Display
@@ -226,6 +229,8 @@ def searched_again(question: Question, scorer: Scorer, found: Found) -> Found:
     others may be hidden by those; and only if that leaves far less.
     """
     reduction, last = question.reduction, found.path[-1]
+    if scorer.reduced.on_bench and zero_is_confounded(reduction.analysed):
+        return found
     constants, beside = likeliest_constants(reduction, found.refined or scorer, last)
     if constants is None or not beside.misfit < STILL_LEFT * last.misfit:
         return found
@@ -235,6 +240,26 @@ def searched_again(question: Question, scorer: Scorer, found: Found) -> Found:
         return other
     reduction.constants = before
     return found
+
+
+def zero_is_confounded(runs: Sequence[Run]) -> bool:
+    """Whether a zero of the torque in each run of a motor alone would pass for what rubs or for a known load.
+
+    Of runs that go one way each, some this way and some that, friction is a constant; of runs under a load
+    that stands, another in each, so is what the load's gain lacks.
+    """
+    ways, loads = [], []
+    for run in runs:
+        position = run.channel("motor_position")[:: max(run.length // ONE_WAY_POINTS, 1)]
+        moves = np.diff(position[np.isfinite(position)])
+        travel = float(np.abs(moves).sum())
+        ways.append(float(moves.sum()) / travel if travel > 0 else 0.0)
+        if run.has("load_torque"):
+            loads.append(run.channel("load_torque"))
+    one_way = min(map(abs, ways)) > ONE_WAY and min(ways) < 0 < max(ways)
+    between = float(np.ptp([np.nanmean(one) for one in loads])) if loads else 0.0
+    within = max((float(np.nanstd(one)) for one in loads), default=0.0)
+    return one_way or (len(loads) == len(runs) and between > 0 and within < STANDING_LOAD * between)
 
 
 def likeliest_constants(

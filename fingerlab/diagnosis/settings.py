@@ -196,6 +196,14 @@ AT_REST_DEG = 0.1
 """A motor stands that turns by less than this in a sixth of a second; assumed: two steps of its encoder."""
 REST_REACH = 2
 """Decimated samples on either side of a moment that are looked at for it: five make the sixth of a second."""
+STUCK_REACH, STUCK_STEPS = 5, 4.0
+"""Samples at the wide rate on either side of a moment that are looked at for a motor that sticks, at most (40
+ms together): as few as see it move by so many steps of its encoder at its usual speed; assumed."""
+STUCK_SHARE = 0.01
+"""It stands where it moves by less than this share of what it usually does, or than a step of its encoder; at
+its usual pace a sine that turns round does not."""
+PULLED_SHARE = 0.07
+"""... and sticks where its torque changes by this share of its spread meanwhile; assumed: noise is less."""
 SLACK_SPREAD_M = 1e-4
 """Cable that may hang loose at no tension before that is called slack, m; assumed."""
 LOW_PASS_REACH = 1
@@ -255,6 +263,10 @@ STATE_BLOCK = 50
 
 # ## Constants that every run has of its own
 
+ONE_WAY, ONE_WAY_POINTS = 0.8, 2000
+"""Share of a run's travel by which its ends lie apart if it goes one way, told of so many points; assumed."""
+STANDING_LOAD = 0.1
+"""A load stands that varies in a run by less than this share of what it differs by between runs; assumed."""
 STILL_LEFT = 0.25
 """Share of the misfit that may be left where constants of runs which repeat no motion are taken for real;
 assumed."""

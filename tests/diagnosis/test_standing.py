@@ -8,13 +8,15 @@ import pytest
 from fingerlab.diagnosis.equations.model import Choice
 from fingerlab.diagnosis.fit.noise import change_of_weight, encoder_spread, log_widening
 from fingerlab.diagnosis.fit.solver import Fitter
-from fingerlab.diagnosis.gram.decimation import rest_moments
+from fingerlab.diagnosis.gram.decimation import rest_moments, stuck_moments
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.score.selection import contact_penalty
 from fingerlab.diagnosis.settings import CONTACT_PENALTY, NARROW_RATE_HZ, WIDE_RATE_HZ
 from fingerlab.diagnosis.signals.filters import decimate
 from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import Row
+from fingerlab.physics.motion import Motion
+from fingerlab.rig.file import Motor
 from tests.reduced import reduce_sessions
 
 from . import closed_form as made
@@ -75,12 +77,43 @@ def test_friction_at_rest_frees_its_own_equation_by_a_third_of_its_square(scorer
     group.whole.rest, group.whole.rest_samples, group.whole.standstills = None, 0, 0
 
 
+def alone(time: np.ndarray, position: np.ndarray, torque: np.ndarray) -> Motion:
+    """A motor alone."""
+    velocity = np.gradient(position, time)
+    motor = Motor(torque_constant=1.0, gear_ratio=1.0, pulley_radius=None, inertia=None)
+    return Motion(
+        phase="motor_bench", cable_sign=0, sample_rate_hz=WIDE_RATE_HZ, time=time, position=position,
+        velocity=velocity, acceleration=np.gradient(velocity, time), torque=torque, motor=motor,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("dwell", [0.0, 0.06])
+def test_a_motor_sticks_where_it_stands_while_its_torque_goes_on(dwell: float) -> None:
+    """Strokes of half a second; in a dwell at either end the torque goes from one side to the other.
+
+    Without a dwell a spring's torque, which goes on where the motion turns round: nothing sticks.
+    """
+    stroke, time = 0.5, np.arange(0.0, 8.0, 1.0 / WIDE_RATE_HZ)
+    number, into = np.divmod(time, stroke + dwell)
+    way = 0.5 - 0.5 * np.cos(np.pi * np.minimum(into / stroke, 1.0))
+    sense = np.where(number % 2 == 0, 1.0, -1.0)
+    position = np.where(sense > 0, way, 1.0 - way)
+    waited = np.clip((into - stroke) / dwell, 0.0, 1.0) if dwell else np.zeros(len(time))
+    torque = sense * (1.0 - 2.0 * waited) if dwell else position
+    stuck = stuck_moments(alone(time, position, torque), slice(None))
+    standing = (into > stroke + 0.01) & (into < stroke + dwell - 0.01)
+    assert np.all(stuck[standing[: len(stuck)]])
+    assert not stuck[(into > 0.02) & (into < stroke - 0.02)].any()
+    assert stuck.mean() == pytest.approx(dwell / (stroke + dwell), abs=0.02)
+
+
 def test_what_is_held_at_rest_is_doubted_wherever_the_low_pass_carries_it() -> None:
     """A motor that turns at 1 rad/s and stands from 2 s to 3 s, and a torque of 1 that is held meanwhile."""
     time = np.arange(0.0, 5.0, 1.0 / WIDE_RATE_HZ)
     position = np.minimum(time, 2.0) + np.maximum(time - 3.0, 0.0)
     held = ((time > 2.0) & (time < 3.0)).astype(float)
-    rest, carried, at = rest_moments(position), decimate(held), decimate(time)
+    rest = rest_moments(alone(time, position, np.zeros(len(time))), slice(None))
+    carried, at = decimate(held), decimate(time)
     assert rest[carried > 0.6].all()  # at its edges a half
     assert not rest[(at < 1.85) | (at > 3.15)].any()
     assert rest.sum() < 1.4 * NARROW_RATE_HZ

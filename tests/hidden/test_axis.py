@@ -161,6 +161,43 @@ def test_the_weight_of_a_link_is_found_though_it_rests_on_friction(tmp_path: Pat
     assert found["motor_viscous_friction.viscous"].value == pytest.approx(joint.viscous, rel=0.05)
 
 
+def sticking(stroke_s: float, seed: int) -> Run:
+    """Strokes of 0.8 rad in this time under a stiff loop, and 70 ms in which friction sticks at either end.
+
+    0.02 kg m^2, 0.3 N m of dry and 0.05 N m s/rad of viscous friction, 1 kHz; the torque goes from one side
+    of the friction to the other while nothing moves.
+    """
+    dwell, time = 0.07, np.arange(0.0, 20.0, 1e-3)
+    number, into = np.divmod(time, stroke_s + dwell)
+    phase = np.pi * np.minimum(into / stroke_s, 1.0)
+    sense = np.where(number % 2 == 0, 1.0, -1.0)
+    position = 0.4 - 0.4 * sense * np.cos(phase)
+    moving, rate = phase < np.pi, np.pi / stroke_s
+    speed, acceleration = (0.4 * sense * rate**k * f(phase) for k, f in ((1, np.sin), (2, np.cos)))
+    waited = np.clip((into - stroke_s) / dwell, 0.0, 1.0)
+    # Between two strokes the loop's torque goes over linearly from what the first ends with.
+    ends = 0.3 - 0.02 * 0.4 * rate**2
+    dry = np.where(moving, 0.3 * sense, sense * ends * (1.0 - 2.0 * waited))
+    torque = dry + np.where(moving, 0.02 * acceleration + 0.05 * speed, 0.0)
+    noise = 0.003 * np.random.default_rng(seed).standard_normal(len(time))
+    channels = {"motor_position": position, "motor_torque": torque + noise, "time": time}
+    return Run.from_arrays(
+        channels, name=f"{seed:03d}", phase="motor_bench", cable="none", sample_rate_hz=1000.0
+    )
+
+
+def test_friction_that_sticks_at_every_turn_is_named_with_what_is_beside_it(tmp_path: Path) -> None:
+    """A law of travel says nothing of a torque that goes over while nothing moves; it bent the inertia."""
+    rig = Rig(None, Motor(torque_constant=1.0, gear_ratio=1.0, pulley_radius=None, inertia=None))
+    runs = tuple(sticking(stroke, k) for k, stroke in enumerate((0.45, 0.6, 0.8), start=1))
+    result = verdict_on(Session(tmp_path / "sticks.h5", "", "", rig, runs, {}))
+    assert set(result.final_model) == {"motor_coulomb_friction", "motor_viscous_friction"}
+    found = result.final_parameters
+    assert found["bench_inertia"].value == pytest.approx(0.02, rel=0.03)
+    assert found["motor_coulomb_friction.coulomb"].value == pytest.approx(0.3, rel=0.03)
+    assert found["motor_viscous_friction.viscous"].value == pytest.approx(0.05, rel=0.1)
+
+
 def test_a_rotor_alone_lacks_nothing() -> None:
     result = verdict_on(session(Axis(torque=0.05, coulomb=0.0, inertial=1.0, seconds=8.0, seed=3)))
     assert result.verdict == "nothing_missing"

@@ -136,7 +136,7 @@ class Data:
         """``constants``: that every run has of its own; None: there are none."""
         self.groups = groups
         self.constants = constants
-        self._noise: dict[tuple[int, bytes], tuple[Array, Array]] = {}
+        self._noise: dict[tuple[int, bytes], tuple[Array, ...]] = {}
         self._kept: dict[tuple[int, bytes], FeatureProducts] = {}
         self._folds: OrderedDict[tuple[int, bytes], FeatureProducts] = OrderedDict()
         self._folds_bytes = 0
@@ -216,7 +216,7 @@ class Data:
 
     def _gathered(self, i: int, parts: Sequence[Sums], pick: Pick) -> FeatureProducts:
         """Of several parts of group ``i``, (parts, k, k)."""
-        noise, taut_noise = self._noise_of(i, pick)  # at a slack sample and at a taut one
+        slack_noise, moving_noise, rest_noise = self._noise_of(i, pick)
         raw = _of_each(pick, [part.products for part in parts])
         loose = _of_each(pick, [part.loose for part in parts])
         still = _of_each(pick, [part.rest for part in parts])
@@ -229,26 +229,25 @@ class Data:
             np.array(counts)[:, None, None]
             for counts in zip(*((p.samples, p.taut_samples, p.rest_samples) for p in parts), strict=True)
         )
-        slack_noise = (samples - taut) * np.where(pick.in_cable, 0.0, noise)
+        slack_noise = (samples - taut) * np.where(pick.in_cable, 0.0, slack_noise)
         return FeatureProducts(
             raw,
-            raw - taut * taut_noise - slack_noise,
+            raw - (taut - rest) * moving_noise - rest * rest_noise - slack_noise,
             still,
-            None if still is None else still - rest * taut_noise,
+            None if still is None else still - rest * rest_noise,
             None if loose is None else loose * pick.both_cable,
             others,
             None if others is None else others - slack_noise,
         )
 
-    def _noise_of(self, i: int, pick: Pick) -> tuple[Array, Array]:
-        """What noise adds to products of features at a slack sample of a group and at a taut one, (k, k)."""
+    def _noise_of(self, i: int, pick: Pick) -> tuple[Array, ...]:
+        """What noise adds to products of features of a group, (k, k) each, as of :func:`limited_noise`."""
         signals, place = pick.each_once
         key = i, signals.tobytes()
         if key not in self._noise:
             self._noise[key] = limited_noise(self.groups[i], signals)
-        noise, taut = self._noise[key]
         square = place[:, None], place[None, :]
-        return noise[square], taut[square]
+        return tuple(one[square] for one in self._noise[key])
 
     def by_constants(
         self, i: int, part: FoldNumbers | None, weights: EquationWeights, picks: Sequence[Pick]

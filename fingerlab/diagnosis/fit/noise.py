@@ -43,8 +43,10 @@ def noise_of_a_sample(group: Group, square: Any = slice(None)) -> Array:
     return np.asarray(group.noise[square] / max(group.noise_samples, 1.0))
 
 
-def limited_noise(group: Group, signals: IntArray) -> tuple[Array, Array]:
-    """What noise adds to the products of some signals at a slack sample and at a taut one, (n, n) each.
+def limited_noise(group: Group, signals: IntArray) -> tuple[Array, Array, Array]:
+    """What noise adds to the products of some signals at a sample, (n, n) each.
+
+    At a slack one, at a taut one at which the motor moves, and at one at which it stands.
 
     It is cut back to what such moments hold in every combination of these signals: the noise is read from
     the runs with a cycle, and in a combination that those runs happen to excite more than the others it
@@ -58,16 +60,21 @@ def limited_noise(group: Group, signals: IntArray) -> tuple[Array, Array]:
     square = np.ix_(signals, signals)
     noise = noise_of_a_sample(group, square)
     if group.noise_samples <= 0:
-        return noise, noise
+        return noise, noise, noise
     whole = group.whole
     every = whole.products[square]
-    limited = _limited(noise, every / whole.samples)
-    if whole.loose is None:
-        return limited, limited
+    limited = slack = _limited(noise, every / whole.samples)
     # Each by its own moments: the equations' weights differ, and what one has too much the other cannot lack.
-    loose = whole.loose[square]
-    slack = _limited(limited, loose / max(whole.slack_samples, 1))
-    return slack, _limited(limited, (every - loose) / max(whole.taut_samples, 1))
+    taut, samples = every, whole.taut_samples
+    if whole.loose is not None:
+        slack = _limited(limited, whole.loose[square] / max(whole.slack_samples, 1))
+        taut = every - whole.loose[square]
+        limited = _limited(limited, taut / max(samples, 1))
+    if whole.rest is None or samples <= whole.rest_samples:
+        return slack, limited, limited
+    # What acts at rest alone has its noise there: taken from the motion it would leave less than nothing.
+    moving = _limited(limited, (taut - whole.rest[square]) / (samples - whole.rest_samples))
+    return slack, moving, _limited(limited, whole.rest[square] / max(whole.rest_samples, 1))
 
 
 def _limited(noise: Array, whole: Array) -> Array:

@@ -345,11 +345,22 @@ class Fitter:
             return self._run(known, iterations)
         self.hold(known, trusted=True)
         fit = self._run(known, iterations)
+        if self._own and fit.cost < -EFFECTIVE_SHARE * sum(g.samples for g in self.data.groups):
+            return self._together(known, iterations)
         if iterations < SETTLING_ITERATIONS:
             return fit
         self.hold(fit.values)
         fit = self._run(fit.values, iterations)
         return replace(fit, with_own=self._information_with_own(fit.values)) if self._own else fit
+
+    def _together(self, start: Array, iterations: int) -> Fit:
+        """The fit with the same friction in all runs.
+
+        Where what the runs have of their own takes away more than there is, noise was taken from a fold that
+        does not hold it: such a cost has no least value, and a fit runs away along it.
+        """
+        self.wanders, self._own, self._stacked, self._whole = False, {}, None, None
+        return self.run(start, iterations)
 
     def _information_with_own(self, values: Array) -> Array:
         """Curvature of the cost, with noise, (p, p), if nothing in a run were its own."""

@@ -11,6 +11,7 @@ every segment, and its signals.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, fields, replace
@@ -28,9 +29,13 @@ from fingerlab.diagnosis.settings import (
     INERTIA_SPREADS,
     LOW_PASS_REACH,
     MOST_BYTES,
+    PULLED_SHARE,
     REST_REACH,
     SLACK_NOISES,
     SLACK_TENSION_N,
+    STUCK_REACH,
+    STUCK_SHARE,
+    STUCK_STEPS,
 )
 from fingerlab.diagnosis.signals.filters import (
     NARROW_HALF,
@@ -73,11 +78,37 @@ def taut_moments(motion: Motion, inner: slice, drive: Shape) -> BoolArray:
     return np.asarray(~near[NARROW_HALF::NARROW_STEP][:count])
 
 
-def rest_moments(position: Array) -> BoolArray:
+def stuck_moments(motion: Motion, inner: slice) -> BoolArray:
+    """Samples ``inner`` at which a motor alone does not move while its torque does, (n,).
+
+    A loop that pulls at what sticks takes its torque from one side of the friction to the other; no law of
+    travel says how far it has come.
+    """
+    position, torque = motion.position, motion.torque
+    usual = float(np.sqrt(np.mean(motion.velocity[inner] ** 2))) / motion.sample_rate_hz  # in a sample
+    # So long that the motor usually moves several steps of its encoder meanwhile.
+    reach = max(math.ceil(0.5 * STUCK_STEPS * motion.position_step / max(usual, 1e-300)), 1)
+    if motion.finger is not None or reach > STUCK_REACH or len(position) <= 2 * reach:
+        return np.zeros(len(position[inner]), dtype=bool)
+    least = max(motion.position_step, STUCK_SHARE * 2 * reach * usual)
+    still = np.ptp(sliding_window_view(position, 2 * reach + 1), axis=1) < least
+    pulled = np.ptp(sliding_window_view(torque, 2 * reach + 1), axis=1)
+    stuck = np.pad(still & (pulled > PULLED_SHARE * float(np.std(torque[inner]))), reach)
+    return np.asarray(stuck[inner])
+
+
+def rest_moments(motion: Motion, inner: slice) -> BoolArray:
     """Decimated samples around which the motor stands, and those that the low-pass mixes with them, (n,).
 
     What sticks holds an unknown force to the end of a standstill; the low-pass carries it over the edge.
     """
+    standing = _standing(motion.position[inner])
+    stuck = stuck_moments(motion, inner).astype(float)
+    near = np.convolve(stuck, np.ones(2 * (NARROW_HALF - NARROW_HALF // 4) + 1), mode="same") > 0.5
+    return np.asarray(standing | near[NARROW_HALF::NARROW_STEP][: len(standing)])
+
+
+def _standing(position: Array) -> BoolArray:
     angle = np.pad(decimate(position), REST_REACH, mode="edge")
     windows = sliding_window_view(angle, 2 * REST_REACH + 1)
     still = np.ptp(windows, axis=1) < np.radians(AT_REST_DEG)
@@ -119,7 +150,7 @@ def decimated_columns(motion: Motion, effects: Sequence[Effect], signals: IntArr
     low = np.zeros((int(signals.max()) + 1, len(time)))
     known = np.zeros(len(low), dtype=bool)
     live = fill(low, motion, all_columns(motion, effects), signals, known)
-    taut, rest = taut_moments(motion, inner, drive_shape(effects)), rest_moments(motion.position[inner])
+    taut, rest = taut_moments(motion, inner, drive_shape(effects)), rest_moments(motion, inner)
     return Decimated(low.T, taut, time, motion, rest, np.array(live))
 
 
