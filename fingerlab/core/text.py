@@ -13,7 +13,7 @@ RAD_IN_DEGREE = math.pi / 180.0
 FACTORS: Mapping[str, Mapping[str, float]] = {
     "s": {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "min": 60.0},
     "rad": {"rad": 1.0, "mrad": 1e-3, "deg": RAD_IN_DEGREE, "°": RAD_IN_DEGREE, "degrees": RAD_IN_DEGREE,
-            "rev": 2 * math.pi, "turn": 2 * math.pi, "turns": 2 * math.pi},
+            "Grad": RAD_IN_DEGREE, "rev": 2 * math.pi, "turn": 2 * math.pi, "turns": 2 * math.pi},
     "rad/s": {"rad/s": 1.0, "deg/s": RAD_IN_DEGREE},
     "rad/V": {"rad/V": 1.0, "deg/V": RAD_IN_DEGREE},
     "A": {"A": 1.0, "mA": 1e-3},
