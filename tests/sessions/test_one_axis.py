@@ -100,6 +100,14 @@ def test_two_commands_to_a_verdict(tmp_path, capsys):
     assert friction["parameters"]["coulomb"]["value"] == pytest.approx(0.04, rel=0.03)
 
 
+def test_an_axis_that_does_not_move_is_told_so(tmp_path, capsys):
+    path = written(tmp_path / "log.csv", "t (s),q (deg),tau (Nm)", TIME, np.full(4000, 1.25), TORQUE)
+    imported(capsys, path)
+    code, out, err = run_main(["diagnose", path.with_suffix(".h5")], capsys)
+    assert (code, out) == (2, "")
+    assert "the axis does not move in run 001 (motor_position stays at 1.25 deg); record a motion" in err
+
+
 def test_a_linear_axis_is_told_as_an_arc(tmp_path, capsys):
     """20 mm on an arc of 10 mm are 2 rad, 100 N at this lever 1 N m; on one of 5 mm 4 rad and 0.5 N m."""
     path = written(tmp_path / "slide.txt", "zeit;hub;kraft", TIME, 20 * TURN, 100 * TORQUE, delimiter=";")
