@@ -100,12 +100,47 @@ def test_two_commands_to_a_verdict(tmp_path, capsys):
     assert friction["parameters"]["coulomb"]["value"] == pytest.approx(0.04, rel=0.03)
 
 
+@pytest.mark.parametrize("known", ["torque", "current"])
+def test_a_zero_that_moves_is_told_in_mA_where_the_torque_came_from_a_current(tmp_path, capsys, known):
+    """Offsets of 0.9 N m and less on an axis of 7 N m; at 2.5 N m/A they are up to 360 mA."""
+    rng = np.random.default_rng(8)
+    files = []
+    for number, offset in enumerate((0.9, -0.8, 0.3, -0.4)):
+        time = np.arange(2400) / 300.0
+        angle = 0.5 * np.sin(2 * np.pi * time)
+        speed = np.pi * np.cos(2 * np.pi * time)
+        torque = 0.2 * np.gradient(speed, time) + 2.0 * np.tanh(speed / 0.02) + offset
+        noisy = torque + rng.normal(0.0, 0.02, len(time))
+        other = time if known == "torque" else noisy / 2.5
+        files.append(written(tmp_path / f"{number}.csv", "t,q,tau,i", time, angle, noisy, other))
+    mapping = "time=1:s,position=2:rad," + ("torque=3:Nm" if known == "torque" else "current=4:A")
+    constant = ("--torque-constant", 2.5) if known == "current" else ()
+    target = tmp_path / "axis.h5"
+    assert (
+        run_main(["import", *files, "--axis", "--map", mapping, *constant, "--out", target], capsys)[0] == 0
+    )
+    code, out, _ = run_main(["diagnose", target], capsys)
+    assert code == 0
+    said = " ".join(out.split())
+    told = re.search(
+        r"zero of the motor's torque moves from run to run by ([\d.]+) mN m( \(([\d.]+) mA)?", said
+    )
+    assert told is not None, said
+    spread = float(np.std([0.9, -0.8, 0.3, -0.4], ddof=1))
+    assert float(told[1]) == pytest.approx(1e3 * spread, rel=0.1)
+    assert (told[3] is not None) == (known == "current")
+    if told[3]:
+        assert float(told[3]) == pytest.approx(1e3 * spread / 2.5, rel=0.1)
+
+
 def test_an_axis_that_does_not_move_is_told_so(tmp_path, capsys):
     path = written(tmp_path / "log.csv", "t (s),q (deg),tau (Nm)", TIME, np.full(4000, 1.25), TORQUE)
     imported(capsys, path)
     code, out, err = run_main(["diagnose", path.with_suffix(".h5")], capsys)
     assert (code, out) == (2, "")
-    assert "the axis does not move in run 001 (motor_position stays at 1.25 deg); record a motion" in err
+    assert (
+        "'motor_position' does not move in any run (run 001, for one); the axis does not move, or its" in err
+    )
 
 
 def test_a_linear_axis_is_told_as_an_arc(tmp_path, capsys):

@@ -17,7 +17,6 @@ from typing import Any
 
 import numpy as np
 
-from fingerlab.core.errors import UserError
 from fingerlab.core.text import FACTORS
 from fingerlab.diagnosis.settings import (
     BAND_OVER_HALF,
@@ -95,9 +94,6 @@ def find_scales(sessions: Sequence[Session]) -> Scales:
 
     A motor alone is as large as the torque that moves it. Time goes by octaves, so that recordings of one
     machine agree however fast its motor was told to move.
-
-    Raises:
-        UserError: there are motors alone, and none of them moves.
     """
     finger = next((s.rig.finger for s in sessions if s.rig.finger is not None), None)
     every = [run for session in sessions for run in session.runs]
@@ -109,31 +105,13 @@ def find_scales(sessions: Sequence[Session]) -> Scales:
             _time_of(runs),
         )
     bench = [run for run in every if run.phase == "motor_bench"]
-    _refuse_still(sessions, bench)
     spreads = [float(torque.std()) for run in bench if len(torque := _moving(run, "motor_torque"))]
     if not spreads:
         return SI
     return Scales(_relative(float(np.median(spreads)), USUAL_TORQUE_SPREAD), 1.0, _time_of(bench))
 
 
-def _refuse_still(sessions: Sequence[Session], bench: Sequence[Run]) -> None:
-    """Where no run of a motor alone moves from its first sample to its last.
-
-    Raises:
-        UserError: with the angle at which it stands.
-    """
-    known = [run for run in bench if len(_moving(run, "motor_position"))]
-    if known and all(_is_still(_moving(run, "motor_position")) for run in known):
-        whole = [run.channel("motor_position") for run in known]
-        if all(map(_is_still, whole)):
-            runs = f"run {known[0].name}" if len(known) == 1 else f"any of its {len(known)} runs"
-            raise UserError(
-                f"{sessions[0].path}: the axis does not move in {runs} (motor_position stays at "
-                f"{math.degrees(whole[0][0]):.4g} deg); record a motion, or import the position's column."
-            )
-
-
-def _is_still(position: Array) -> bool:
+def is_still(position: Array) -> bool:
     """Whether a position, rad, (n,), is one number but for its rounding."""
     return float(np.ptp(position)) <= STILL_RAD
 
@@ -199,7 +177,7 @@ def _pace(run: Run) -> float:
         swing = math.radians(float(amplitude)) if isinstance(amplitude, int | float) else 0.0
         return 2.0 * math.pi * frequency * max(1.0, abs(swing) / math.sqrt(2.0) / USUAL_TRAVEL)
     position = _moving(run, "motor_position")
-    if not len(position) or _is_still(position):
+    if not len(position) or is_still(position):
         return 0.0
     moved = position - position.mean()
     power = np.abs(np.fft.rfft(moved * np.hanning(len(moved)))) ** 2
