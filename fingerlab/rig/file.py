@@ -33,6 +33,8 @@ T = TypeVar("T")
 
 LARGEST, SMALLEST = 1e9, 1e-9
 """SI; what lies beyond is no constant of a bench, and its products no numbers."""
+UNTOLD = "not_told"
+"""Key of a rig that was made for the log of a strange machine: constants whose numbers stand for nothing."""
 DIVISORS = ("torque_constant", "gear_ratio", "pulley_radius")
 """Constants that are divided by."""
 
@@ -78,6 +80,14 @@ class Rig:
     def tolerance_of(self, name: str) -> float:
         """Relative tolerance (one standard deviation, unitless) of the constant ``name``."""
         return float(self.tolerance.get(name, DEFAULT_TOLERANCE))
+
+    @property
+    def ampere(self) -> float:
+        """Torque of an ampere at the output, N m/A; 0 of a machine of which nobody said it."""
+        told = self.extra.get(UNTOLD)
+        if isinstance(told, list) and "torque_constant" in told:
+            return 0.0
+        return self.motor.torque_constant * self.motor.gear_ratio
 
     @property
     def daq(self) -> Daq:

@@ -16,14 +16,14 @@ import numpy as np
 from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress
 from fingerlab.core.text import factor
-from fingerlab.rig.file import Motor, Rig
+from fingerlab.rig.file import UNTOLD, Motor, Rig
 from fingerlab.sessions.hdf5 import sample_fault
-from fingerlab.sessions.left_out import LeftOut, kept_rows
+from fingerlab.sessions.left_out import RowsLeftOut, kept_rows
 from fingerlab.sessions.mapping import AXIS_RADIUS_M, Axis, Column, Table, axis_lacks, map_columns, words_of
 from fingerlab.sessions.mat_table import MatTable, is_mat, mat_tables
 from fingerlab.sessions.model import LEAST_RATE, LEFT_OUT, MOST_RATE, RATE_TOLERANCE, REQUIRED_CHANNELS, Array
 from fingerlab.sessions.reading import open_session
-from fingerlab.sessions.text_table import BLOCK_LINES, SEPARATOR_WORDS, Rows, inspect_table, read_rows
+from fingerlab.sessions.text_table import BLOCK_LINES, SEPARATOR_WORDS, TableRows, inspect_table, read_rows
 from fingerlab.sessions.trajectory import recognised, trajectory_words
 from fingerlab.sessions.writing import SessionWriter
 
@@ -82,7 +82,7 @@ class ImportPlan:
     trajectory: Mapping[str, Any]
     read_from_command: bool
     start: float
-    left_out: LeftOut
+    left_out: RowsLeftOut
 
 
 def plan_import(
@@ -129,21 +129,23 @@ def of_one_axis(
     lever = Axis(radius or AXIS_RADIUS_M, radius is not None)
     motor = rig.motor if rig is not None else Motor(torque_constant or Motor.torque_constant, 1.0)
     runs = [replace(source, phase="motor_bench", cable="none", axis=lever) for source in sources]
-    return runs, Rig(None, motor) if rig is None else replace(rig, finger=None)
+    if rig is not None:
+        return runs, replace(rig, finger=None)
+    return runs, Rig(None, motor, extra={} if torque_constant else {UNTOLD: ["torque_constant"]})
 
 
 def _tables(path: Path) -> Sequence[Table]:
     return mat_tables(path) if is_mat(path) else [inspect_table(path)]
 
 
-def _blocks(table: Table) -> Iterator[Rows]:
+def _blocks(table: Table) -> Iterator[TableRows]:
     if isinstance(table, MatTable):
-        return iter([Rows(table.values, np.arange(1, len(table.values) + 1), (), True)])
+        return iter([TableRows(table.values, np.arange(1, len(table.values) + 1), (), True)])
     return read_rows(table)
 
 
-def _left_out(table: Table) -> LeftOut:
-    return LeftOut(table.path, "row" if isinstance(table, MatTable) else "line")
+def _left_out(table: Table) -> RowsLeftOut:
+    return RowsLeftOut(table.path, "row" if isinstance(table, MatTable) else "line")
 
 
 def import_files(

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from fingerlab.core.errors import UserError
 from fingerlab.sessions.mapping import Column
 from fingerlab.sessions.model import CHANNEL_UNITS, MAY_BE_NAN, Array
-from fingerlab.sessions.text_table import Rows
+from fingerlab.sessions.text_table import TableRows
 
 MOST_SHARE = 0.02
 """Of the rows of a table that may be left out, a last line that is cut off not counted; assumed."""
@@ -29,7 +29,7 @@ TWICE = "with the time of the row before"
 
 
 @dataclass
-class LeftOut:
+class RowsLeftOut:
     """How many rows of a table are left out, and why.
 
     Attributes:
@@ -84,7 +84,7 @@ class LeftOut:
 
 
 def kept_rows(
-    blocks: Iterable[Rows], columns: Sequence[Column], left_out: LeftOut
+    blocks: Iterable[TableRows], columns: Sequence[Column], left_out: RowsLeftOut
 ) -> Iterator[tuple[Array, NDArray[np.int64]]]:
     """The rows that a run can be made of, block by block, with their numbers among all rows, from 0.
 
@@ -112,7 +112,7 @@ def kept_rows(
         yield rows.values[good], first + good
 
 
-def _wrong_rows(rows: Rows, needed: Sequence[int]) -> dict[int, tuple[str, str]]:
+def _wrong_rows(rows: TableRows, needed: Sequence[int]) -> dict[int, tuple[str, str]]:
     """Rows in which something needed is no number, by index, with reason and words."""
     wrong: dict[int, tuple[str, str]] = {}
     cells = np.argwhere(~np.isfinite(rows.values[:, needed]))

@@ -76,7 +76,7 @@ class TextTable:
 
 
 @dataclass(frozen=True)
-class Fault:
+class RowFault:
     """A row of a table that cannot be read as it stands: all of it, or one of its cells.
 
     Attributes:
@@ -90,7 +90,7 @@ class Fault:
 
 
 @dataclass(frozen=True)
-class Rows:
+class TableRows:
     """A block of rows of a table.
 
     Attributes:
@@ -102,7 +102,7 @@ class Rows:
 
     values: Array
     lines: NDArray[np.int64]
-    faults: tuple[Fault, ...]
+    faults: tuple[RowFault, ...]
     last: bool
 
 
@@ -197,7 +197,7 @@ def read_blocks(
 
 def read_rows(
     table: TextTable, block_lines: int = BLOCK_LINES, *, progress: Callable[[float], None] | None = None
-) -> Iterator[Rows]:
+) -> Iterator[TableRows]:
     """The table's rows, a block at a time, with what could not be read of them.
 
     Args:
@@ -218,11 +218,11 @@ def read_rows(
             following = list(islice(rows, block_lines))
             lines = np.array([number for number, _ in block], dtype=np.int64)
             values, faults = _parse(block, table)
-            yield Rows(values, lines, faults, not following)
+            yield TableRows(values, lines, faults, not following)
             block = following
 
 
-def _parse(block: Sequence[tuple[int, str]], table: TextTable) -> tuple[Array, tuple[Fault, ...]]:
+def _parse(block: Sequence[tuple[int, str]], table: TextTable) -> tuple[Array, tuple[RowFault, ...]]:
     """All lines at once where they are as they should be, otherwise cell by cell."""
     lines = [line for _, line in block]
     if table.separator and all(line.endswith(table.separator) for line in lines):
@@ -264,10 +264,10 @@ def _clock_seconds(cell: str) -> float | None:
     return 86400.0 * day + 3600.0 * int(hours) + 60.0 * int(minutes) + float(seconds)
 
 
-def _one_by_one(block: Sequence[tuple[int, str]], table: TextTable) -> tuple[Array, tuple[Fault, ...]]:
+def _one_by_one(block: Sequence[tuple[int, str]], table: TextTable) -> tuple[Array, tuple[RowFault, ...]]:
     """The numbers of a block whose lines are not all alike, with what is wrong in them."""
     values = np.full((len(block), table.columns), np.nan)
-    faults = list[Fault]()
+    faults = list[RowFault]()
     numbers = [k for k in range(table.columns) if k not in table.words]
     for row, (line, text) in enumerate(block):
         cells = _fitting(_cells(text, table.separator), table.columns)
@@ -276,7 +276,7 @@ def _one_by_one(block: Sequence[tuple[int, str]], table: TextTable) -> tuple[Arr
                 f" has {len(cells)} columns where the first row has {table.columns}; every row should have "
                 "the same number of columns"
             )
-            faults.append(Fault(row, None, words))
+            faults.append(RowFault(row, None, words))
             continue
         for k in numbers:
             value = _clock_seconds(cells[k]) if k in table.clocks else None
@@ -284,7 +284,7 @@ def _one_by_one(block: Sequence[tuple[int, str]], table: TextTable) -> tuple[Arr
             if value is not None:
                 values[row, k] = value
                 continue
-            faults.append(Fault(row, k, _cell_words(k, cells[k], table)))
+            faults.append(RowFault(row, k, _cell_words(k, cells[k], table)))
             if _written_otherwise(cells[k], table.decimal):
                 raise UserError(f"{table.path}, line {line}{faults[-1].words}.")
     return values, tuple(faults)

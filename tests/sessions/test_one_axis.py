@@ -100,7 +100,7 @@ def test_two_commands_to_a_verdict(tmp_path, capsys):
     assert friction["parameters"]["coulomb"]["value"] == pytest.approx(0.04, rel=0.03)
 
 
-@pytest.mark.parametrize("known", ["torque", "current"])
+@pytest.mark.parametrize("known", ["torque", "current", "both"])
 def test_a_zero_that_moves_is_told_in_mA_where_the_torque_came_from_a_current(tmp_path, capsys, known):
     """Offsets of 0.9 N m and less on an axis of 7 N m; at 2.5 N m/A they are up to 360 mA."""
     rng = np.random.default_rng(8)
@@ -113,7 +113,8 @@ def test_a_zero_that_moves_is_told_in_mA_where_the_torque_came_from_a_current(tm
         noisy = torque + rng.normal(0.0, 0.02, len(time))
         other = time if known == "torque" else noisy / 2.5
         files.append(written(tmp_path / f"{number}.csv", "t,q,tau,i", time, angle, noisy, other))
-    mapping = "time=1:s,position=2:rad," + ("torque=3:Nm" if known == "torque" else "current=4:A")
+    channels = {"torque": "torque=3:Nm", "current": "current=4:A", "both": "torque=3:Nm,current=4:A"}
+    mapping = f"time=1:s,position=2:rad,{channels[known]}"
     constant = ("--torque-constant", 2.5) if known == "current" else ()
     target = tmp_path / "axis.h5"
     assert (

@@ -103,7 +103,7 @@ def _beside(run: Run, rig: Rig) -> tuple[float, float, float]:
     names = [n for n in ("motor_current", "motor_torque", "motor_position", "motor_command") if run.has(n)]
     first = run.length // 10  # the ramp from rest
     samples = run.load(names, first, first + int(FIRST_LOOK_S * run.sample_rate_hz))
-    gain = rig.motor.torque_constant * rig.motor.gear_ratio
+    gain = rig.ampere
     current = command = agrees = NOT_KNOWN
     if "motor_current" in samples and gain > 0:
         amperes = samples["motor_current"]
@@ -130,7 +130,7 @@ def torque_of_an_ampere(run: Run, rig: Rig) -> float:
     if not run.has("motor_current") or "motor_current" in made:
         return 0.0
     agrees = abs(_beside(run, rig)[0] - 1.0) < SAME_TORQUE
-    return rig.motor.torque_constant * rig.motor.gear_ratio if agrees else 0.0
+    return rig.ampere if agrees else 0.0
 
 
 SAME_TORQUE = 0.05
