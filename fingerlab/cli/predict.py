@@ -32,7 +32,15 @@ from fingerlab.cli.common import (
 )
 from fingerlab.core.errors import UserError
 from fingerlab.core.plain_data import json_ready
-from fingerlab.core.text import mean_and_deviation, number, r2_text
+from fingerlab.core.text import (
+    amount,
+    largest_of,
+    mean_and_deviation,
+    number,
+    r2_text,
+    screen_unit,
+    significant,
+)
 from fingerlab.diagnosis.signals.scales import find_scales
 from fingerlab.models.file import DIAGNOSIS_METHOD, SavedModel, load_model
 from fingerlab.prediction import EQUATIONS, extended_model, predict_extended
@@ -414,11 +422,15 @@ def _print(plan: TorquePlan, name: str, out: Path | None) -> None:
         f"{plan.pose.cable} cable."
     )
     half = plan.half_width
-    known = f" ± {1e3 * half.mean():.2g}" if half.size and half.min() == half.min() else ""
+    unit = screen_unit("N m", largest_of(plan.torque))
+    low, high = (significant(unit.factor * float(end), 4) for end in (plan.torque.min(), plan.torque.max()))
+    known = (
+        f" ± {significant(unit.factor * half.mean(), 2)}" if half.size and half.min() == half.min() else ""
+    )
     click.echo(
-        f"{plan.force.min():.3g} to {plan.force.max():.3g} N need {1e3 * plan.torque.min():.4g} to "
-        f"{1e3 * plan.torque.max():.4g}{known} mN m ({plan.current.min():.3g} to "
-        f"{plan.current.max():.3g} A); the rig allows {1e3 * plan.torque_limit:.4g} mN m."
+        f"{significant(plan.force.min())} to {significant(plan.force.max())} N need {low} to "
+        f"{unit.after(f'{high}{known}')} ({significant(plan.current.min())} to "
+        f"{significant(plan.current.max())} A); the rig allows {amount(plan.torque_limit, 'N m', 4)}."
     )
     for sentence in (*plan.beyond, *plan.warnings):
         click.echo(sentence)

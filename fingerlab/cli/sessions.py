@@ -30,7 +30,7 @@ from fingerlab.core.errors import UserError
 from fingerlab.core.plain_data import read_object
 from fingerlab.rig.file import CONSTANT_UNITS, Finger, Motor, Rig, default_rig, load_rig, sources_of
 from fingerlab.sessions import CheckReport, Session, check_session, open_session
-from fingerlab.sessions.model import CABLES, PHASES
+from fingerlab.sessions.model import CABLES, LEFT_OUT, PHASES
 from fingerlab.sessions.recording_files import CLEAN
 from fingerlab.sessions.trajectory import motion_of_run
 
@@ -115,7 +115,8 @@ def info(session_file: Path, json_target: str | None) -> None:
     "--radius",
     type=Within(min=0, min_open=True),
     metavar="M",
-    help="With --axis: radius of the arc as which a linear axis is told, m.  [default: 0.01]",
+    help="With --axis: radius of the arc as which a linear axis is told, or lever of a force, m.  "
+    "[default: 0.01]",
 )
 @click.option("--title", help="Title of the session.  [default: names the files]")
 @click.option("--dry-run", is_flag=True, help="Show the mapping and write nothing.")
@@ -156,10 +157,15 @@ def import_text(
     Angles without a unit are degrees. motor_current, which these files lack, follows from the torque by
     the rig's constants and is marked as derived.
 
+    A few rows that cannot be read (empty cells, NaN, a time that comes twice) are gaps: they are left out and
+    told. Columns of words are left out.
+
     With --axis the files are logs of one axis of any machine, as text or as MAT files (version 5 or 7.3;
     each struct in one is a run): time=t:ms,position=q:deg,torque=tau:Nm,load=F:N. Every unit has to be named,
-    in the mapping or the header. A linear axis (mm, N) is told as an arc. They become motor-bench runs of a
-    rig without a finger, ready for "fingerlab diagnose".
+    in the mapping or the header. A linear axis (mm, N) is told as an arc; a force on an axis that turns needs
+    --radius, its lever. A positive torque drives towards larger positions; a load has the sign of the torque
+    that holds it (the other one is understood, too). They become motor-bench runs of a rig without a finger,
+    ready for "fingerlab diagnose".
     """
     from fingerlab.sessions.importing import describe_all, import_files, plan_import
 
@@ -189,6 +195,7 @@ def import_text(
     if json_target is not None:
         session = open_session(target)
         write_json(_info_json(session, check_session(session)), json_target)
+    _tell_left_out(plans, target)
     if json_target != "-":
         click.echo(f"Wrote {target}: {counted(len(plans), 'run')}.")
 
@@ -273,6 +280,16 @@ def _refuse_unknown_constant(
             )
 
 
+def _tell_left_out(plans: Sequence[ImportPlan], target: Path) -> None:
+    """Rows of long files that were left out, of which the plan knew the first block alone."""
+    from fingerlab.sessions.importing import left_out_words
+
+    if all(plan.left_out.whole for plan in plans):
+        return
+    for words in left_out_words(target):
+        click.echo(words, err=True)
+
+
 def _each(given: tuple[str, ...], default: str, files: tuple[Path, ...], name: str) -> tuple[str, ...]:
     """One value a file from an option given never, once, or once for each file."""
     if len(given) <= 1:
@@ -330,6 +347,9 @@ def _print_info(session: Session, report: CheckReport) -> None:
         console.print(f"ended: {ended[0]}. {ended[1]}".strip())
     console.print(_runs_table(session, report))
     console.print(_rig_table(session.rig, str(session.attributes["rig"])))
+    for run in session.runs:
+        if LEFT_OUT in run.attributes:
+            console.print(f"run {run.name}: when it was imported {run.attributes[LEFT_OUT]}")
     for finding in report.findings:
         where = f"run {finding.run}: " if finding.run else ""
         console.print(f"{finding.level}: {where}{finding.text}")

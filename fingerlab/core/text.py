@@ -13,7 +13,7 @@ RAD_IN_DEGREE = math.pi / 180.0
 FACTORS: Mapping[str, Mapping[str, float]] = {
     "s": {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "min": 60.0},
     "rad": {"rad": 1.0, "mrad": 1e-3, "deg": RAD_IN_DEGREE, "°": RAD_IN_DEGREE, "degrees": RAD_IN_DEGREE,
-            "rev": 2 * math.pi, "turn": 2 * math.pi, "turns": 2 * math.pi},
+            "Grad": RAD_IN_DEGREE, "rev": 2 * math.pi, "turn": 2 * math.pi, "turns": 2 * math.pi},
     "rad/s": {"rad/s": 1.0, "deg/s": RAD_IN_DEGREE},
     "rad/V": {"rad/V": 1.0, "deg/V": RAD_IN_DEGREE},
     "A": {"A": 1.0, "mA": 1e-3},
@@ -78,6 +78,9 @@ SCREEN_UNITS = {"m": ("mm", 1e3), "N m": ("mN m", 1e3), "s": ("ms", 1e3)}
 def in_words(estimate: ParameterEstimate, with_unit: bool = True) -> str:
     """``value ± half interval unit`` in the unit of the screen, such as ``10.8 ± 0.4 mm``."""
     unit, factor = SCREEN_UNITS.get(estimate.unit, (estimate.unit, 1.0))
+    if with_unit and estimate.unit == "N m":
+        screen = screen_unit(estimate.unit, largest_of((estimate.value, estimate.low, estimate.high)))
+        unit, factor = screen.symbol, screen.factor
     text = plus_minus(factor * estimate.value, factor * (estimate.high - estimate.low) / 2.0)
     return f"{text} {unit}" if with_unit and unit not in ("1", "") else text
 
@@ -90,7 +93,7 @@ def plus_minus(value: float, half: float) -> str:
     if not math.isfinite(value):
         return "–"
     if not math.isfinite(half) or half <= 0:
-        return f"{value:.4g}"
+        return significant(value, 4)
     exponent = math.floor(math.log10(half))
     digits = -exponent + (1 if half / 10.0**exponent < 1.95 else 0)
     if (digits > 6 and abs(value) < 1e-3) or exponent > 5:
@@ -99,6 +102,24 @@ def plus_minus(value: float, half: float) -> str:
         return f"({mantissa})·10^{power}"
     value = value if round(value, digits) else 0.0  # no "-0"
     return f"{round(value, digits):.{max(digits, 0)}f} ± {round(half, digits):.{max(digits, 0)}f}"
+
+
+def significant(value: float, digits: int = 3) -> str:
+    """A number to so many significant digits, ``34100`` for ``3.41e+04``; with an exponent from 1e5 on."""
+    if not math.isfinite(value):
+        return "–"
+    text = f"{value:.{digits}g}"
+    return f"{float(text):.0f}" if "e+" in text and abs(float(text)) < LEAST_EXPONENT else text
+
+
+LEAST_EXPONENT = 1e5
+"""Numbers from here on have an exponent."""
+
+
+def amount(value: float, si: str, digits: int = 3) -> str:
+    """A value in the SI unit ``si`` with the unit that its size asks for, ``34.1 N m`` or ``737 mN m``."""
+    unit = screen_unit(si, abs(value))
+    return unit.after(significant(value * unit.factor, digits))
 
 
 def number(value: float, digits: int = 3) -> str:
@@ -167,7 +188,7 @@ def screen_unit(si: str, largest: float) -> ScreenUnit:
     if si == "s":
         return ScreenUnit("ms", 1e3) if largest < 1.0 else ScreenUnit("s", 1.0)
     if si.startswith("N m") or (si.startswith("N") and 0 < largest < 0.1):
-        return ScreenUnit("m" + _pretty(si), 1e3) if largest < 2.0 else ScreenUnit(_pretty(si), 1.0)
+        return ScreenUnit("m" + _pretty(si), 1e3) if largest < 1.0 else ScreenUnit(_pretty(si), 1.0)
     return ScreenUnit(_pretty(si), 1.0)
 
 
@@ -186,7 +207,7 @@ def estimate_text(estimate: ParameterEstimate) -> str:
     value, low, high = (v * unit.factor for v in (estimate.value, estimate.low, estimate.high))
     half = (high - low) / 2.0
     if not math.isfinite(half) or half <= 0:
-        return unit.after(with_minus(f"{value:.4g}"))
+        return unit.after(with_minus(significant(value, 4)))
     below, above = value - low, high - value
     if min(below, above) <= 0 or max(below, above) > LOPSIDED * min(below, above):
         digits = decimals_for(max(min(below, above), half / 4.0))
@@ -221,7 +242,9 @@ def grouped(count: int) -> str:
 
 
 def score_text(score: float) -> str:
-    """An error in multiples of the floor: ``1.03``, ``12.4``, ``340``."""
+    """An error in multiples of the floor, or its square: ``1.03``, ``12.4``, ``340``, ``12300``."""
+    if math.isfinite(score) and score >= 1000:
+        return fixed(float(f"{score:.3g}"), 0)
     return fixed(score, 0 if score >= 100 else 1 if score >= 10 else 2)
 
 

@@ -19,6 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fingerlab.core.errors import UserError
+from fingerlab.core.text import amount
 from fingerlab.diagnosis.settings import WIDE_RATE_HZ
 from fingerlab.diagnosis.signals.filters import low_pass_kernel
 from fingerlab.diagnosis.signals.scales import reduced_rig, reduced_run
@@ -343,7 +344,7 @@ def refuse_far(feed: Feed, share: float) -> None:
     most = share * feed.plan.torque_limit
     if feed.correction > most:
         raise UserError(
-            f"The found torque goes {1e3 * feed.correction:.4g} mN m from the nominal one, more than the "
-            f"{1e3 * most:.4g} mN m that are allowed; look at the model's parameters, or allow more with "
+            f"The found torque goes {amount(feed.correction, 'N m', 4)} from the nominal one, more than the "
+            f"{amount(most, 'N m', 4)} that are allowed; look at the model's parameters, or allow more with "
             "--most-correction."
         )

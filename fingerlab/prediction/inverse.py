@@ -18,6 +18,7 @@ import numpy as np
 
 from fingerlab.acquisition.control.motion import most_torque
 from fingerlab.core.errors import UserError
+from fingerlab.core.text import amount, significant
 from fingerlab.diagnosis.equations.parameters import SET_DOWN
 from fingerlab.diagnosis.settings import WIDE_RATE_HZ
 from fingerlab.diagnosis.signals.scales import reduced_motion
@@ -277,18 +278,19 @@ def _beyond(
     worst = int(np.argmax(np.abs(torque)))
     if abs(torque[worst]) > most:
         found.append(
-            f"{wanted.force[worst]:.3g} N need {1e3 * torque[worst]:.4g} mN m; the rig's limits of torque "
-            f"and current allow {1e3 * most:.4g} mN m."
+            f"{significant(wanted.force[worst])} N need {amount(torque[worst], 'N m', 4)}; the rig's limits "
+            f"of torque and current allow {amount(most, 'N m', 4)}."
         )
     if torque.min() < 0.0:
         at = int(np.argmin(torque))
         found.append(
-            f"{wanted.force[at]:.3g} N would need a cable that pushes ({1e3 * torque[at]:.3g} mN m); ask "
-            "for more force, or another pose."
+            f"{significant(wanted.force[at])} N would need a cable that pushes "
+            f"({amount(torque[at], 'N m')}); ask for more force, or another pose."
         )
     if wanted.force.max() > limits.force:
         found.append(
-            f"The wanted force reaches {wanted.force.max():.3g} N; the rig's limit is {limits.force:.3g} N."
+            f"The wanted force reaches {significant(wanted.force.max())} N; the rig's limit is "
+            f"{significant(limits.force)} N."
         )
     rise = float(np.abs(np.gradient(torque, 1.0 / WIDE_RATE_HZ)).max()) / motion.radius
     if rise > limits.tension_rise:
@@ -322,8 +324,9 @@ def _extrapolation(force: Array, band: Band | None) -> tuple[str, ...]:
         return ()
     low, high = max(band.centre - band.reach, 0.0), band.centre + band.reach
     return (
-        f"{force.max():.3g} N is an extrapolation: the model was judged on {low:.2g} to {high:.2g} N, so its "
-        f"interval is taken up to {min(further, MOST_STRETCH):.2g} times as wide.",
+        f"{significant(force.max())} N is an extrapolation: the model was judged on {significant(low, 2)} to "
+        f"{significant(high, 2)} N, so its interval is taken up to "
+        f"{min(further, MOST_STRETCH):.2g} times as wide.",
     )
 
 
@@ -335,7 +338,8 @@ def _warnings(wanted: WantedForce, torque: Array, half_width: Array, most: float
         found.append("The model has no interval; it takes two contact runs or more in its fit.")
     elif float(np.nanmax(torque + half_width)) > most >= float(torque.max()):
         found.append(
-            f"Within its interval the torque may reach the {1e3 * most:.4g} mN m that the rig's limits allow."
+            f"Within its interval the torque may reach the {amount(most, 'N m', 4)} that the rig's limits "
+            "allow."
         )
     return tuple(found)
 

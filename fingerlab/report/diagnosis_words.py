@@ -6,7 +6,17 @@ from collections.abc import Mapping, Sequence
 from math import exp
 from pathlib import Path
 
-from fingerlab.core.text import ScreenUnit, decimals_for, fixed, largest_of, percent, score_text, screen_unit
+from fingerlab.core.text import (
+    ScreenUnit,
+    amount,
+    decimals_for,
+    fixed,
+    largest_of,
+    percent,
+    score_text,
+    screen_unit,
+    significant,
+)
 from fingerlab.core.text import in_sentence as in_sentence
 from fingerlab.diagnosis.answer.results import Candidate, Diagnosis, Failure, OtherModel
 from fingerlab.diagnosis.answer.where import JOINTS, Profile
@@ -256,7 +266,7 @@ def as_good_sentence(diagnosis: Diagnosis) -> str:
 def _likelier(log_odds: float) -> str:
     """How many times likelier, as far as that is worth a number."""
     times = exp(min(log_odds, 700.0))
-    return "more than 1000 times as likely" if times > 1000.0 else f"{times:.2g} times as likely"
+    return "more than 1000 times as likely" if times > 1000.0 else f"{significant(times, 2)} times as likely"
 
 
 def _as_well(diagnosis: Diagnosis, best: Candidate) -> str:
@@ -423,7 +433,7 @@ def _motion_words(trajectory: object) -> str:
     words = trajectory_words(rest)
     if not isinstance(load, (int, float)) or load == 0:
         return words
-    return f"{words}, against a known load of {1e3 * load:.3g} mN m"
+    return f"{words}, against a known load of {amount(load, 'N m')}"
 
 
 def _gain_words(gain: object) -> str:

@@ -25,7 +25,7 @@ from typing import Any, TypeVar
 from fingerlab.core.errors import UserError
 from fingerlab.core.files import read_text
 from fingerlab.core.plain_data import Mismatch, read_object, structured
-from fingerlab.core.text import factor
+from fingerlab.core.text import amount, factor
 from fingerlab.rig.daq import CHANNEL_UNITS, SOURCES, Daq, plain_section, read_daq
 from fingerlab.rig.limits import LIMIT_UNITS, Limits, read_limits
 
@@ -33,6 +33,8 @@ T = TypeVar("T")
 
 LARGEST, SMALLEST = 1e9, 1e-9
 """SI; what lies beyond is no constant of a bench, and its products no numbers."""
+UNTOLD = "not_told"
+"""Key of a rig that was made for the log of a strange machine: constants whose numbers stand for nothing."""
 DIVISORS = ("torque_constant", "gear_ratio", "pulley_radius")
 """Constants that are divided by."""
 
@@ -78,6 +80,14 @@ class Rig:
     def tolerance_of(self, name: str) -> float:
         """Relative tolerance (one standard deviation, unitless) of the constant ``name``."""
         return float(self.tolerance.get(name, DEFAULT_TOLERANCE))
+
+    @property
+    def ampere(self) -> float:
+        """Torque of an ampere at the output, N m/A; 0 of a machine of which nobody said it."""
+        told = self.extra.get(UNTOLD)
+        if isinstance(told, list) and "torque_constant" in told:
+            return 0.0
+        return self.motor.torque_constant * self.motor.gear_ratio
 
     @property
     def daq(self) -> Daq:
@@ -204,11 +214,11 @@ class Intervention:
             place = f"{1e3 * self.added_mass_at:.3g} mm beyond the PIP axis"
             parts.append(f"{1e3 * self.added_mass:.3g} g fixed to the finger {place}")
         if self.load_torque:
-            parts.append(f"a known load of {1e3 * self.load_torque:.3g} mN m on the pulley beside the cable")
+            parts.append(f"a known load of {amount(self.load_torque, 'N m')} on the pulley beside the cable")
         for joint, stiffness in (("MCP", self.mcp_stiffness), ("PIP", self.pip_stiffness)):
             if stiffness:
                 what = "a spring added" if stiffness > 0 else "a spring taken away"
-                parts.append(f"{what} at the {joint} joint, {1e3 * abs(stiffness):.3g} mN m/rad")
+                parts.append(f"{what} at the {joint} joint, {amount(abs(stiffness), 'N m/rad')}")
         for joint, ratio in (("MCP", self.mcp_arm), ("PIP", self.pip_arm)):
             if ratio != 1.0:
                 parts.append(f"the cable guided round the {joint} joint at {ratio:.3g} times its moment arm")

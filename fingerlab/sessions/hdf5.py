@@ -74,9 +74,14 @@ def opened_file(path: Path, cut: bool = False) -> h5py.File:
     if not path.exists():
         raise UserError(f"{path} does not exist; give the path of a session file (.h5).")
     if not path.is_file() or not h5py.is_hdf5(path):
+        if path.suffix.lower() in TABLE_ENDINGS:
+            raise UserError(
+                f"{path} is not an HDF5 file; a session is one, and a table becomes one by 'fingerlab "
+                "import' or by 'Import table' in Sessions."
+            )
         raise UserError(
-            f"{path} is not an HDF5 file; a session is one (text files become one by 'fingerlab import', "
-            "or by 'Import text' in Sessions)."
+            f"{path} is not an HDF5 file; give a session (.h5), such as 'fingerlab record', 'simulate' or "
+            "'import' writes."
         )
     stat = path.stat()
     state = (stat.st_dev, stat.st_ino, stat.st_size, stat.st_mtime_ns)
@@ -94,6 +99,8 @@ def opened_file(path: Path, cut: bool = False) -> h5py.File:
     return file
 
 
+TABLE_ENDINGS = (".txt", ".csv", ".tsv", ".dat", ".log", ".asc", ".mat")
+"""Of files that are likely to be tables of numbers."""
 _SIZES = (8, 8)
 """Bytes of addresses and of lengths in a file."""
 _FOUND_GOOD: dict[Path, tuple[int, ...]] = {}

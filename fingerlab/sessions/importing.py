@@ -16,19 +16,14 @@ import numpy as np
 from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress
 from fingerlab.core.text import factor
-from fingerlab.rig.file import Motor, Rig
+from fingerlab.rig.file import UNTOLD, Motor, Rig
 from fingerlab.sessions.hdf5 import sample_fault
-from fingerlab.sessions.mapping import AXIS_RADIUS_M, Axis, Column, Table, map_columns, short_name
-from fingerlab.sessions.model import LEAST_RATE, MOST_RATE, RATE_TOLERANCE, REQUIRED_CHANNELS, Array
-from fingerlab.sessions.text_table import (
-    BLOCK_LINES,
-    SEPARATOR_WORDS,
-    MatTable,
-    inspect_table,
-    is_mat,
-    mat_tables,
-    read_blocks,
-)
+from fingerlab.sessions.left_out import RowsLeftOut, kept_rows
+from fingerlab.sessions.mapping import AXIS_RADIUS_M, Axis, Column, Table, axis_lacks, map_columns, words_of
+from fingerlab.sessions.mat_table import MatTable, is_mat, mat_tables
+from fingerlab.sessions.model import LEAST_RATE, LEFT_OUT, MOST_RATE, RATE_TOLERANCE, REQUIRED_CHANNELS, Array
+from fingerlab.sessions.reading import open_session
+from fingerlab.sessions.text_table import BLOCK_LINES, SEPARATOR_WORDS, TableRows, inspect_table, read_rows
 from fingerlab.sessions.trajectory import recognised, trajectory_words
 from fingerlab.sessions.writing import SessionWriter
 
@@ -75,6 +70,7 @@ class ImportPlan:
         trajectory: what the motor was told, as in the session format.
         read_from_command: whether that was read from the command, for nobody had said it.
         start: time of the first sample of an axis, s, from which its time is counted.
+        left_out: rows of its first block that the run is made without.
     """
 
     source: TextRun
@@ -85,7 +81,8 @@ class ImportPlan:
     counted_time: bool
     trajectory: Mapping[str, Any]
     read_from_command: bool
-    start: float = 0.0
+    start: float
+    left_out: RowsLeftOut
 
 
 def plan_import(
@@ -107,11 +104,16 @@ def plan_import(
 def first_rows(path: Path) -> tuple[Table, Array]:
     """The first table of a file and its first rows, (rows, columns), as they stand in it: to be looked at.
 
+    Columns of words are NaN; rows in which anything else could not be read are not among them.
+
     Raises:
-        UserError: the file cannot be read, or a row does not fit.
+        UserError: the file cannot be read, or a number is written with the other decimal sign.
     """
     table = _tables(path)[0]
-    return table, next(_blocks(table))[:BLOCK_LINES]
+    values = next(_blocks(table)).values[:BLOCK_LINES]
+    filled = np.isfinite(values)
+    whole = filled[:, filled.any(axis=0)].all(axis=1)
+    return table, values[whole] if 2 * np.count_nonzero(whole) > len(values) else values
 
 
 def of_one_axis(
@@ -121,20 +123,29 @@ def of_one_axis(
 
     Args:
         rig: with the machine's constants; None: only ``torque_constant``, N m/A with the gear, if that.
-        radius: of the arc as which a linear axis is told, m; None: :data:`AXIS_RADIUS_M`.
+        radius: of the arc as which a linear axis is told, or the lever of a force on one that turns, m; None:
+            :data:`AXIS_RADIUS_M`, which is no lever of anything.
     """
-    lever = Axis(radius or AXIS_RADIUS_M)
+    lever = Axis(radius or AXIS_RADIUS_M, radius is not None)
     motor = rig.motor if rig is not None else Motor(torque_constant or Motor.torque_constant, 1.0)
     runs = [replace(source, phase="motor_bench", cable="none", axis=lever) for source in sources]
-    return runs, Rig(None, motor) if rig is None else replace(rig, finger=None)
+    if rig is not None:
+        return runs, replace(rig, finger=None)
+    return runs, Rig(None, motor, extra={} if torque_constant else {UNTOLD: ["torque_constant"]})
 
 
 def _tables(path: Path) -> Sequence[Table]:
     return mat_tables(path) if is_mat(path) else [inspect_table(path)]
 
 
-def _blocks(table: Table) -> Iterator[Array]:
-    return iter([table.values]) if isinstance(table, MatTable) else read_blocks(table)
+def _blocks(table: Table) -> Iterator[TableRows]:
+    if isinstance(table, MatTable):
+        return iter([TableRows(table.values, np.arange(1, len(table.values) + 1), (), True)])
+    return read_rows(table)
+
+
+def _left_out(table: Table) -> RowsLeftOut:
+    return RowsLeftOut(table.path, "row" if isinstance(table, MatTable) else "line")
 
 
 def import_files(
@@ -166,6 +177,15 @@ def import_files(
                 progress(number / len(plans), plan.table.path.name)
             _write_run(writer, plan, rig)
     return Path(target)
+
+
+def left_out_words(path: Path) -> list[str]:
+    """Which rows the runs of an imported session were made without, one line a run where there are any."""
+    return [
+        f"run {run.name} ({run.attributes.get('source_file')}): {run.attributes[LEFT_OUT]}"
+        for run in open_session(path).runs
+        if LEFT_OUT in run.attributes
+    ]
 
 
 def _with_lever(rig: Rig, plans: Sequence[ImportPlan]) -> Rig:
@@ -209,9 +229,13 @@ def describe(plan: ImportPlan) -> list[str]:
     if not isinstance(table, MatTable) and table.ahead > (table.header is not None):
         lines.append(f"  of the {table.ahead} lines before the first row, names and units alone are read")
     used = {column.index for column in plan.columns}
-    unused = [str(index + 1) for index in range(table.columns) if index not in used]
+    unused = [index for index in range(table.columns) if index not in used]
     if unused:
-        lines.append(f"  not used: column {', '.join(unused)}")
+        words = words_of(table)
+        named = (f"{k + 1}{f' (of words, such as {words[k]!r})' if words.get(k) else ''}" for k in unused)
+        lines.append(f"  not used: column {', '.join(named)}")
+    if plan.left_out.found:
+        lines.append(f"  {plan.left_out.words()}")
     return lines
 
 
@@ -240,22 +264,24 @@ def _plan(source: TextRun, table: Table, mapping: str | None, rate: float | None
     for channel in REQUIRED_CHANNELS[source.phase]:
         if channel not in present and channel not in derived and channel != "time":
             if source.axis is not None:
-                raise UserError(
-                    f"{table.path} gives no {short_name(channel)}, which the log of an axis needs; map its "
-                    f"column with --map{', or that of the current' if channel == 'motor_torque' else ''}."
-                )
+                raise UserError(axis_lacks(table, channel, columns))
             raise UserError(
                 f"{table.path} gives no '{channel}', which a run of phase '{source.phase}' needs; map its "
                 f"column with --map, or choose another --phase{NOT_OF_THE_BENCH}"
             )
-    first = next(_blocks(table))
+    left_out = _left_out(table)
+    first = next(kept_rows(_blocks(table), columns, left_out))[0]
+    left_out.refuse_many()
+    if not len(first):
+        raise UserError(f"{table.path} holds no whole row; it should hold one row of numbers a sample.")
     found = float(rate or 0.0) if counted else _rate(table, _values(first, columns, "time"), rate)
     start = 0.0 if counted or source.axis is None else float(_values(first, columns, "time")[0])
-    if source.trajectory is not None:
-        return ImportPlan(source, table, columns, derived, found, counted, source.trajectory, False, start)
-    read = recognised(_values(first, columns, "motor_command"), found) if "motor_command" in present else None
-    trajectory = read or {"kind": "unknown"}
-    return ImportPlan(source, table, columns, derived, found, counted, trajectory, read is not None, start)
+    trajectory, read = source.trajectory, False
+    if trajectory is None:
+        told = "motor_command" in present
+        seen = recognised(_values(first, columns, "motor_command"), found) if told else None
+        trajectory, read = seen or {"kind": "unknown"}, seen is not None
+    return ImportPlan(source, table, columns, derived, found, counted, trajectory, read, start, left_out)
 
 
 def _values(block: Array, columns: Sequence[Column], channel: str) -> Array:
@@ -306,9 +332,13 @@ def _write_run(writer: SessionWriter, plan: ImportPlan, rig: Rig) -> None:
         derived=plan.derived,
     )
     turns = source.axis is not None and factor(_unit(plan, "motor_position"), "rad") is not None
-    start, turned = 0, None
-    for block in _blocks(plan.table):
+    start, turned, left_out = 0, None, _left_out(plan.table)
+    for block, places in kept_rows(_blocks(plan.table), plan.columns, left_out):
+        if not len(block):
+            continue
         channels = _channels(block, plan, rig)
+        if plan.counted_time:
+            channels["time"] = places / plan.sample_rate_hz
         if turns:
             channels["motor_position"] = turned = unwrapped(channels["motor_position"], turned)
         for name, values in channels.items():
@@ -317,7 +347,8 @@ def _write_run(writer: SessionWriter, plan: ImportPlan, rig: Rig) -> None:
                 raise UserError(f"{plan.table.path}: {fault}")
         run.append(channels)
         start += len(block)
-    run.finish()
+    left_out.refuse_many()
+    run.finish({LEFT_OUT: left_out.words() or None})
 
 
 def _channels(block: Array, plan: ImportPlan, rig: Rig) -> dict[str, Array]:

@@ -18,9 +18,10 @@ from typing import Any
 from fingerlab.core.errors import UserError
 from fingerlab.core.files import read_text
 from fingerlab.core.plain_data import read_object
-from fingerlab.core.text import FACTORS, factor
+from fingerlab.core.text import FACTORS, factor, shown
+from fingerlab.sessions.mat_table import MatTable
 from fingerlab.sessions.model import CHANNEL_UNITS
-from fingerlab.sessions.text_table import MatTable, TextTable
+from fingerlab.sessions.text_table import MOST_LETTERS, TextTable
 
 Table = TextTable | MatTable
 
@@ -44,9 +45,9 @@ _KEYWORDS = (
     ("mcp_angle", r"mcp"),
     ("pip_angle", r"pip"),
     ("motor_command", r"command|\bcmd|reference|set.?point|desired|target"),
-    ("motor_current", r"current"),
-    ("motor_torque", r"torque"),
-    ("motor_position", r"position|motor.?(angle|pos)|encoder"),
+    ("motor_current", r"current|strom"),
+    ("motor_torque", r"torque|drehmoment"),
+    ("motor_position", r"position|motor.?(angle|pos|winkel)|encoder"),
     ("time", r"^(t|time|zeit|tempo|timestamp|elapsed.*)$"),
 )
 """What a header says of the bench's quantities; the first that matches counts."""
@@ -61,12 +62,15 @@ _AXIS_NAMES = {
 """Short names of an axis' quantities that a mapping may use."""
 
 _AXIS_KEYWORDS = (
-    ("motor_command", r"command|\bcmd|reference|\bref|set.?point|desired|target"),
-    ("load_torque", r"load"),
-    ("motor_current", r"current|^i(q|_q|a)?$"),
-    ("motor_torque", r"torque|effort|^tau|force|moment|^f\b"),
-    ("motor_position", r"^(q|x)\d*$|position|\bpos|angle|theta|encoder|stroke|displacement"),
-    ("time", r"^(t|time|zeit|tempo|timestamp|stamp|elapsed.*|tout)$"),
+    ("motor_command", r"command|\bcmd|reference|\bref|set.?point|desired|target|\bsoll"),
+    ("load_torque", r"load|\blast\b"),
+    ("motor_current", r"current|strom|^i(q| q|a)?$"),
+    ("motor_torque", r"torque|effort|^tau|^[τ𝜏]|force|kraft|moment|^f\b"),
+    (
+        "motor_position",
+        r"^(q|x)\d*$|position|\bpos|angle|theta|^[θϑφϕ]|encoder|stroke|displacement|winkel|\bweg\b|\bhub\b",
+    ),
+    ("time", r"^(t|time|zeit|zeitstempel|tempo|timestamp|stamp|elapsed.*|tout)$"),
 )
 """What a header says of an axis; the first that matches counts."""
 
@@ -77,8 +81,16 @@ _HEADER_UNIT = re.compile(r"^(?P<name>.*?)\s*(?:\((?P<a>[^()]*)\)|\[(?P<b>[^\[\]
 _TRAILING_UNIT = re.compile(r"^(?P<name>.*[^\W_])[_ ](?P<unit>[^\W\d_]+|°)$")
 _USUAL_UNITS = {"s": "s", "rad": "deg", "A": "A", "N m": "Nm"}
 """What an axis' quantities are usually told in, by their SI units."""
+_LINEAR_UNITS = {**_USUAL_UNITS, "rad": "mm", "N m": "N"}
+"""The same of one that moves along a line."""
+_ALONG_A_LINE = {"rad": "m", "N m": "N"}
+"""What stands on a linear axis in place of an angle and a torque."""
+_LINEAR_WORDS = re.compile(r"force|kraft|stroke|displacement|\bweg\b|\bhub\b")
+"""In a header: the axis is likely to move along a line."""
 _NO_UNITS = ("m", "v", "V", "g")
 """At the end of a name they rather mean a motor, a velocity or gravity."""
+MOST_SHOWN = 12
+"""Columns that a sentence names."""
 _CHANNEL_NAME = re.compile(r"(raw/)?[A-Za-z_][A-Za-z0-9_]*")
 
 
@@ -109,17 +121,24 @@ class Axis:
 
     Attributes:
         radius: of the arc as which a length is told, and the lever of a force, m.
+        lever: whether somebody said that it is one of the machine, at which a force turns the axis; otherwise
+            it is a scale alone, and an axis is told in angles and torques, or in lengths and forces.
     """
 
     radius: float = AXIS_RADIUS_M
+    lever: bool = False
 
     def factor(self, unit: str, target: str) -> float | None:
         """To the SI unit ``target``, of an axis that moves along a line, too; None: it cannot be."""
-        if target == "rad" and factor(unit, "m") is not None:
-            return float(factor(unit, "m") or 0.0) / self.radius
-        if target == "N m" and factor(unit, "N") is not None:
-            return float(factor(unit, "N") or 0.0) * self.radius
-        return factor(unit, target)
+        along = factor(unit, _ALONG_A_LINE.get(target, target))
+        if not is_linear(unit, target) or along is None:
+            return factor(unit, target)
+        return along / self.radius if target == "rad" else along * self.radius
+
+
+def is_linear(unit: str, target: str) -> bool:
+    """Whether a unit of what is an angle (``rad``) or a torque (``N m``) is one of length, or of force."""
+    return target in _ALONG_A_LINE and factor(unit, _ALONG_A_LINE[target]) is not None
 
 
 @dataclass(frozen=True)
@@ -158,7 +177,14 @@ def map_columns(table: Table, mapping: str | None, axis: Axis | None = None) -> 
     _refuse_twice(columns, table)
     if axis is not None:
         _refuse_unnamed(columns, table)
+        if not axis.lever:
+            _refuse_mixed(columns, table)
     return columns
+
+
+def words_of(table: Table) -> Mapping[int, str]:
+    """Columns that hold words in place of numbers, by index, with one of their cells."""
+    return table.words if isinstance(table, TextTable) else {}
 
 
 def likely_columns(table: Table, axis: Axis | None = None) -> tuple[Column | None, ...]:
@@ -178,6 +204,7 @@ def likely_columns(table: Table, axis: Axis | None = None) -> tuple[Column | Non
         names = BENCH_ORDER
     found: list[Column | None] = []
     for index, name in enumerate(names):
+        name = None if index in words_of(table) else name
         taken = [column.channel for column in found if column is not None]
         found.append(None)
         if name is not None and name not in taken:
@@ -197,7 +224,7 @@ def units_of(channel: str, axis: Axis | None = None) -> tuple[str, ...]:
     target = CHANNEL_UNITS.get(channel)
     if target is None:
         return ()
-    along_a_line = {"rad": "m", "N m": "N"}.get(target) if axis is not None else None
+    along_a_line = _ALONG_A_LINE.get(target) if axis is not None else None
     each = [FACTORS[target], *([FACTORS[along_a_line]] if along_a_line else [])]
     first: dict[tuple[int, float], str] = {}
     for number, table in enumerate(each):
@@ -211,13 +238,95 @@ def _refuse_unnamed(columns: tuple[Column, ...], table: Table) -> None:
     unnamed = [c for c in columns if not c.unit and c.target_unit]
     if not unnamed:
         return
-    wanted = ",".join(
-        f"{short_name(c.channel)}={c.index + 1}:{c.unit or _USUAL_UNITS[c.target_unit]}"
-        for c in columns
-        if c.target_unit in _USUAL_UNITS
-    )
+    for channel in lacking(columns):
+        raise UserError(axis_lacks(table, channel, columns))
     names = " and ".join(f"'{c.channel}' (column {c.index + 1})" for c in unnamed)
+    wanted = _mapping_text({c.channel: c for c in columns}, table)
     raise UserError(f"{table.path} names no unit of {names}; say them, such as --map {wanted}.")
+
+
+def _refuse_mixed(columns: tuple[Column, ...], table: Table) -> None:
+    """A force does not turn an axis but at a lever, and a torque moves nothing along a line without one."""
+    motion = next((c for c in columns if c.channel == "motor_position"), None)
+    for column in columns:
+        if motion is None or column is motion or column.target_unit not in _ALONG_A_LINE:
+            continue
+        linear = is_linear(motion.unit, motion.target_unit)
+        if is_linear(column.unit, column.target_unit) == linear:
+            continue
+        right = (_LINEAR_UNITS if linear else _USUAL_UNITS)[column.target_unit]
+        raise UserError(
+            f"{table.path} tells the position in {motion.unit} and '{column.channel}' (column "
+            f"{column.index + 1}) in {column.unit}; of an axis that {'slides' if linear else 'turns'} it "
+            f"should be in a unit such as {right}, or --radius should give the lever between the two in m."
+        )
+
+
+def lacking(columns: Sequence[Column]) -> list[str]:
+    """Which channels the log of an axis needs beside time and lacks; a current does for a torque."""
+    present = {column.channel for column in columns}
+    present |= {"motor_torque"} if "motor_current" in present else set()
+    return [name for name in ("motor_position", "motor_torque") if name not in present]
+
+
+def axis_lacks(table: Table, channel: str, columns: Sequence[Column]) -> str:
+    """The sentence about the log of an axis in which a channel was not found: what there is, and a mapping.
+
+    Args:
+        columns: those that were found.
+    """
+    usable = [k for k in range(table.columns) if k not in words_of(table)]
+    named = [
+        f"{k + 1} '{shown(table.header[k], MOST_LETTERS)}'" if table.header else str(k + 1) for k in usable
+    ]
+    have = ", ".join(named[:MOST_SHOWN]) + (", ..." if len(named) > MOST_SHOWN else "")
+    found = {c.channel: c for c in columns if c.channel in CHANNEL_UNITS}
+    taken = {c.index for c in found.values()}
+    free, missing = [k for k in usable if k not in taken], list[str]()
+    named_units = {c.index: c.unit for c in columns}
+    for name in lacking(columns):
+        fits = [
+            (k, column) for k in free if (column := _may_be(table, k, name, named_units.get(k))) is not None
+        ]
+        if fits:
+            free.remove(fits[0][0])
+            found[fits[0][1].channel] = fits[0][1]
+        else:
+            missing.append(name)
+    wanted = _mapping_text(found, table, missing)
+    what = f"{short_name(channel)}{' and no current' if channel == 'motor_torque' else ''}"
+    return (
+        f"{table.path} gives no {what}, which the log of an axis needs; it has the columns {have}: say which "
+        f"is which, such as --map {wanted}{', N being its column' if missing else ''}."
+    )
+
+
+def _may_be(table: Table, index: int, channel: str, unit: str | None) -> Column | None:
+    """A column as a channel that its header does not name; None where its unit is of something else."""
+    unit = unit or (_split_axis_header(table.header[index])[1] if table.header else None)
+    for name in (channel, *(("motor_current",) if channel == "motor_torque" else ())):
+        target = CHANNEL_UNITS[name]
+        if not unit or Axis().factor(unit, target) is not None:
+            return Column(name, index, unit or "", target, 1.0, "")
+    return None
+
+
+def _mapping_text(found: Mapping[str, Column], table: Table, missing: Sequence[str] = ()) -> str:
+    """Columns as ``--map`` takes them, by their channels' short names, with usual units where none is named.
+
+    Args:
+        missing: channels whose column is not known, ``N``.
+    """
+    known = [c for c in found.values() if c.channel in CHANNEL_UNITS and c.target_unit in _USUAL_UNITS]
+    told = [is_linear(c.unit, c.target_unit) for c in known if c.unit and c.target_unit in _ALONG_A_LINE]
+    likely = [_LINEAR_WORDS.search(table.header[c.index].lower()) for c in known if table.header]
+    units = _LINEAR_UNITS if (told[0] if told else any(likely)) else _USUAL_UNITS
+    parts = [f"{short_name(c.channel)}={c.index + 1}:{c.unit or units[c.target_unit]}" for c in known]
+    places = [c.index for c in known]
+    parts = [part for _, part in sorted(zip(places, parts, strict=True))]
+    parts += [f"{short_name(name)}=N:{units[CHANNEL_UNITS[name]]}" for name in missing]
+    text = ",".join(parts)
+    return f'"{text}"' if re.search(r"[^\w=:,.]", text) else text
 
 
 def short_name(channel: str) -> str:
@@ -234,6 +343,7 @@ def _in_bench_order(table: Table) -> tuple[Column, ...]:
     return tuple(
         _column(name, index, None, 1.0, "the bench's order", table, None)
         for index, name in enumerate(BENCH_ORDER)
+        if index not in words_of(table)
     )
 
 
@@ -241,6 +351,8 @@ def _by_header(table: Table, axis: Axis | None) -> tuple[Column, ...]:
     assert table.header is not None
     columns = []
     for index, cell in enumerate(table.header):
+        if index in words_of(table):
+            continue
         name, unit = split_header(cell) if axis is None else _split_axis_header(cell)
         channel = _channel_of(name, index, _KEYWORDS if axis is None else _AXIS_KEYWORDS)
         columns.append(_column(channel, index, unit, 1.0, f"header '{cell}'", table, axis))
@@ -292,6 +404,12 @@ def _wished(table: Table, channel: str, wish: _Wish, axis: Axis | None) -> Colum
                 f"The mapping takes '{channel}' from column {column}, but {table.path} has columns 1 to "
                 f"{table.columns}."
             )
+    if index in words_of(table):
+        held = words_of(table)[index]
+        raise UserError(
+            f"The mapping takes '{channel}' from column {index + 1}, but in {table.path} that holds "
+            f"{repr(shown(held, MOST_LETTERS)) if held else 'nothing'} where numbers should be; name another."
+        )
     if unit is None and table.header:
         unit = (split_header if axis is None else _split_axis_header)(table.header[index])[1]
     return _column(channel, index, unit, wish.scale, source, table, axis)
@@ -333,7 +451,7 @@ def _column(
         source += ", unit assumed"
     times = factor(unit, target) if axis is None else axis.factor(unit, target)
     if times is None:
-        along_a_line = {"rad": FACTORS["m"], "N m": FACTORS["N"]}.get(target, {}) if axis is not None else {}
+        along_a_line = FACTORS[_ALONG_A_LINE[target]] if axis is not None and target in _ALONG_A_LINE else {}
         raise UserError(
             f"{table.path}, column {index + 1} is taken as '{channel}' in '{unit}'; it should be in one of "
             f"{', '.join([*FACTORS[target], *along_a_line])}."

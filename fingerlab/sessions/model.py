@@ -33,6 +33,8 @@ CHANNEL_UNITS = {
 }
 """Channels of the contract with their unit, in the contract's order."""
 
+LEFT_OUT = "left_out"
+"""Attribute of an imported run: which rows of its table it was made without, and why, in words."""
 MAY_BE_NAN = frozenset({"endpoint_force"})
 """Channels of the contract in which NaN means "not read"."""
 

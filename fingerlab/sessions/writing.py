@@ -92,8 +92,11 @@ class RunWriter:
         self.length += count
         self._last_time = float(arrays["time"][-1])
 
-    def finish(self) -> None:
+    def finish(self, attributes: Mapping[str, Any] | None = None) -> None:
         """Close the run.
+
+        Args:
+            attributes: further ones, that are known at its end.
 
         Raises:
             UserError: no sample was written.
@@ -102,6 +105,9 @@ class RunWriter:
             raise UserError(
                 f"{self._layout.path}: run {self.name} is empty (no samples); a run has at least one."
             )
+        if attributes:
+            with writing_to(self._layout.path, self._layout.target):
+                write_attributes(self._group, attributes)
 
     def _check_shapes(self, arrays: Mapping[str, np.ndarray[Any, Any]]) -> int:
         shapes = {values.shape for values in arrays.values()}

@@ -79,13 +79,16 @@ ROWS = "\n".join(f"{i / 1000:.3f}\t{i}\t{i}\t0.1\t1\t2\t3" for i in range(50)) +
 HEADER = "time (s)\tcommand (deg)\tposition (deg)\ttorque (Nm)\tMCP (deg)\tPIP (deg)\tforce (N)\n"
 
 BAD_TEXTS = {
-    "ragged rows": (ROWS + "0.050\t1\t1\t0.1\t1\n", "line 51 has 5 columns where the first row has 7"),
-    "ragged rows below a header": (HEADER + ROWS + "0.050\t1\n", "line 52 has 2 columns"),
-    "a word among numbers": (ROWS + "0.050\t1\t1\toff\t1\t2\t3\n", "line 51, column 4 holds 'off'"),
+    "ragged rows": (
+        ROWS + 2 * "0.050\t1\t1\t0.1\t1\n" + "0.05",
+        "line 51 has 5 columns where the first row has 7",
+    ),
+    "ragged rows below a header": (HEADER + ROWS + 3 * "0.050\t1\n", "line 52 has 2 columns"),
+    "a word among numbers": (2 * "0.050\t1\t1\toff\t1\t2\t3\n" + ROWS, "line 1, column 4 holds 'off'"),
     "no table": ("dear diary\ntoday the finger moved\n", "holds no row of two numbers or more"),
     "empty": ("", "is empty; it should hold a table of numbers"),
     "time backwards": (ROWS + "0.010\t1\t1\t0.1\t1\t2\t3\n", "time runs backwards at sample 50"),
-    "NaN": (ROWS + "0.050\t1\t1\t0.1\tnan\t2\t3\n", "channel 'mcp_angle' holds NaN at sample 50"),
+    "NaN": (ROWS + 2 * "0.050\t1\t1\t0.1\tnan\t2\t3\n", "line 51, column 5 holds nan; it should be a number"),
     "no header, few columns": ("0\t1\n1\t2\n", "has no header and 2 columns; say which is which with --map"),
     "missing channel": (HEADER.replace("PIP (deg)", "what (deg)") + ROWS, "gives no 'pip_angle'"),
     "wrong units": (HEADER.replace("PIP (deg)", "PIP (N)") + ROWS, "is taken as 'pip_angle' in 'N'"),

@@ -8,14 +8,17 @@ from dataclasses import replace
 import pytest
 
 from fingerlab.core.text import (
+    amount,
     decimals_for,
     estimate_text,
     held_together,
+    in_words,
     percent,
     printed,
     r2_text,
     score_text,
     screen_unit,
+    significant,
 )
 from fingerlab.diagnosis.answer.errors import FittedParameter
 from fingerlab.models.file import ParameterEstimate
@@ -67,6 +70,21 @@ def test_scores_and_r2_keep_what_matters() -> None:
     assert [r2_text(r) for r in (0.8744, 0.99419, 0.999955, 1.0, -0.193, -22495.0, math.nan)] == [
         "0.874", "0.9941", "0.999955", "1.000000", "−0.193", "below −10", "–"
     ]  # fmt: skip
+
+
+def test_large_numbers_have_no_exponent_and_three_digits() -> None:
+    assert [significant(v) for v in (34100.0, 120.4, 0.012345, 99999.0, 3.35e8)] == [
+        "34100", "120", "0.0123", "1e+05", "3.35e+08",
+    ]  # fmt: skip
+    assert significant(12953.0, 4) == "12950"
+    assert [amount(v, "N m") for v in (34.1, 0.7371, -12.953, 1.0)] == [
+        "34.1 N m", "737 mN m", "-13 N m", "1 N m",
+    ]  # fmt: skip
+    assert amount(1300.0, "N") == "1300 N"
+    assert [score_text(s) for s in (334598885.0, 12345.0, 999.4)] == ["335000000", "12300", "999"]
+    assert estimate_text(ParameterEstimate(12953.0, "1", 12953.0, 12953.0)) == "12950"
+    assert in_words(ParameterEstimate(12.9, "N m", 11.6, 14.2)) == "12.9 ± 1.3 N m"
+    assert in_words(ParameterEstimate(0.0108, "N m", 0.0104, 0.0112)) == "10.8 ± 0.4 mN m"
 
 
 def test_decimals_follow_the_first_digit_of_the_uncertainty() -> None:

@@ -85,7 +85,7 @@ def test_both_position_and_command_in_degrees_are_told_by_geometry(session: Sess
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [
-        ({"motor_torque": lambda v: 1e3 * v}, "'motor_torque' is 1e.03 times what motor_current"),
+        ({"motor_torque": lambda v: 1e3 * v}, "'motor_torque' is 1000 times what motor_current"),
         ({"motor_torque": np.negative}, "'motor_torque' is -1 times .* turn its sign"),
         ({"motor_position": np.zeros_like}, "'motor_position' does not move in any run"),
     ],

@@ -100,6 +100,50 @@ def test_two_commands_to_a_verdict(tmp_path, capsys):
     assert friction["parameters"]["coulomb"]["value"] == pytest.approx(0.04, rel=0.03)
 
 
+@pytest.mark.parametrize("known", ["torque", "current", "both"])
+def test_a_zero_that_moves_is_told_in_mA_where_the_torque_came_from_a_current(tmp_path, capsys, known):
+    """Offsets of 0.9 N m and less on an axis of 7 N m; at 2.5 N m/A they are up to 360 mA."""
+    rng = np.random.default_rng(8)
+    files = []
+    for number, offset in enumerate((0.9, -0.8, 0.3, -0.4)):
+        time = np.arange(2400) / 300.0
+        angle = 0.5 * np.sin(2 * np.pi * time)
+        speed = np.pi * np.cos(2 * np.pi * time)
+        torque = 0.2 * np.gradient(speed, time) + 2.0 * np.tanh(speed / 0.02) + offset
+        noisy = torque + rng.normal(0.0, 0.02, len(time))
+        other = time if known == "torque" else noisy / 2.5
+        files.append(written(tmp_path / f"{number}.csv", "t,q,tau,i", time, angle, noisy, other))
+    channels = {"torque": "torque=3:Nm", "current": "current=4:A", "both": "torque=3:Nm,current=4:A"}
+    mapping = f"time=1:s,position=2:rad,{channels[known]}"
+    constant = ("--torque-constant", 2.5) if known == "current" else ()
+    target = tmp_path / "axis.h5"
+    assert (
+        run_main(["import", *files, "--axis", "--map", mapping, *constant, "--out", target], capsys)[0] == 0
+    )
+    code, out, _ = run_main(["diagnose", target], capsys)
+    assert code == 0
+    said = " ".join(out.split())
+    told = re.search(
+        r"zero of the motor's torque moves from run to run by ([\d.]+) mN m( \(([\d.]+) mA)?", said
+    )
+    assert told is not None, said
+    spread = float(np.std([0.9, -0.8, 0.3, -0.4], ddof=1))
+    assert float(told[1]) == pytest.approx(1e3 * spread, rel=0.1)
+    assert (told[3] is not None) == (known == "current")
+    if told[3]:
+        assert float(told[3]) == pytest.approx(1e3 * spread / 2.5, rel=0.1)
+
+
+def test_an_axis_that_does_not_move_is_told_so(tmp_path, capsys):
+    path = written(tmp_path / "log.csv", "t (s),q (deg),tau (Nm)", TIME, np.full(4000, 1.25), TORQUE)
+    imported(capsys, path)
+    code, out, err = run_main(["diagnose", path.with_suffix(".h5")], capsys)
+    assert (code, out) == (2, "")
+    assert (
+        "'motor_position' does not move in any run (run 001, for one); the axis does not move, or its" in err
+    )
+
+
 def test_a_linear_axis_is_told_as_an_arc(tmp_path, capsys):
     """20 mm on an arc of 10 mm are 2 rad, 100 N at this lever 1 N m; on one of 5 mm 4 rad and 0.5 N m."""
     path = written(tmp_path / "slide.txt", "zeit;hub;kraft", TIME, 20 * TURN, 100 * TORQUE, delimiter=";")
@@ -211,6 +255,145 @@ def as_version_73(path: Path, content: dict) -> Path:
 def as_version_5(path: Path, content: dict) -> Path:
     savemat(path, content, oned_as="column")
     return path
+
+
+def damaged(tmp_path: Path, damage: dict[int, str], end: str = "\n") -> Path:
+    """A log of 4,000 rows in which some lines of the file, from 1, are others."""
+    path = written(tmp_path / "log.csv", "t (s),angle (deg),torque (Nm)", TIME, np.degrees(TURN), TORQUE)
+    lines = path.read_text(encoding="utf-8").splitlines()
+    for number, text in damage.items():
+        lines[number - 1] = text
+    path.write_text("\n".join(lines) + end, encoding="utf-8")
+    return path
+
+
+def test_a_few_bad_rows_are_gaps_and_told(tmp_path, capsys):
+    """An empty cell in row 98 (at 0.196 s), NaN, a row twice, a line of a word, a last line cut off."""
+    damage = {100: "0.196,12.0,", 200: "nan,1.0,2.0", 302: "0.598,1.0,1.0", 400: "stopped", 4001: "7.998,3."}
+    path = damaged(tmp_path, damage, "")
+    code, _, err = run_main(["import", path, "--axis", "--out", tmp_path / "a.h5"], capsys)
+    assert code == 0
+    words = (
+        "5 of 4,000 rows are left out: 2 without a number in a column that is used (first: line 100), "
+        "1 with the time of the row before (line 302), 1 with too few cells or too many (line 400), "
+        "1 cut off at the end of the file (line 4001)"
+    )
+    assert f"  {words}" in err.splitlines()
+    session = open_session(tmp_path / "a.h5")
+    (run,) = session.runs
+    assert run.attributes["left_out"] == words
+    kept = np.setdiff1d(np.arange(4000), [98, 198, 300, 398, 3999])
+    np.testing.assert_allclose(run.channel("time"), TIME[kept], atol=1e-9)
+    np.testing.assert_allclose(run.channel("motor_torque"), TORQUE[kept], atol=1e-9)
+    report = check_session(session)
+    assert (report.errors, report.runs[0].lost_samples) == ((), 4)
+    assert words in " ".join(run_main(["info", tmp_path / "a.h5"], capsys)[1].split())
+
+
+def test_a_gap_counts_where_the_time_is_counted(tmp_path, capsys):
+    path = damaged(tmp_path, {100: "0.196,12.0,"})
+    (run,) = imported(capsys, path, "--map", "position=2:deg,torque=3:Nm", "--rate", RATE).runs
+    np.testing.assert_array_equal(run.channel("time")[96:100], np.array([96, 97, 99, 100]) / RATE)
+
+
+@pytest.mark.parametrize(
+    ("line", "sentence"),
+    [
+        ("{t},1.0,", "line 100, column 3 holds ''; it should be a number with a decimal point (90 of 4,000"),
+        ("{t},1.0,NaN", "line 100, column 3 holds nan; it should be a number (90 of 4,000 rows cannot be"),
+        ("{t},1.0", "line 100 has 2 columns where the first row has 3; every row should have the same"),
+        ("0.194,1.0,2.0", "line 100, column 1 holds the time of the row before; it should increase"),
+    ],
+)
+def test_many_bad_rows_are_a_fault_of_the_file(tmp_path, capsys, line, sentence):
+    """90 rows are more than 2 %."""
+    damage = {100 + k: line.format(t=f"{(98 + k) / RATE:.3f}") for k in range(90)}
+    assert sentence in refused(capsys, damaged(tmp_path, damage))
+
+
+def test_a_column_of_words_is_left_out_and_named_where_it_is_asked_for(tmp_path, capsys):
+    rows = [f"{t:.3f};AUTO;{np.degrees(q):.6f};{f:.6f};" for t, q, f in zip(TIME, TURN, TORQUE, strict=True)]
+    path = tmp_path / "log.csv"
+    path.write_text("\n".join(["t (s);mode;q (deg);tau (Nm);", *rows]).replace(".", ","), encoding="utf-8")
+    code, _, err = run_main(["import", path, "--axis", "--dry-run"], capsys)
+    assert code == 0
+    assert "  not used: column 2 (of words, such as 'AUTO')" in err.splitlines()
+    (run,) = imported(capsys, path).runs
+    assert set(run.units) == {"time", "motor_position", "motor_torque"}
+    np.testing.assert_allclose(run.channel("motor_torque"), TORQUE, atol=1e-6)
+    path.with_suffix(".h5").unlink()
+    asked = refused(capsys, path, "--map", "time=1:s,position=3:deg,torque=mode:Nm")
+    assert "from column 2, but in " in asked
+    assert "that holds 'AUTO' where numbers should be" in asked
+
+
+@pytest.mark.parametrize(
+    ("header", "channels"),
+    [
+        ("Zeit (s),θ [°],τ [N·m]", ("motor_position", "motor_torque")),
+        ("Zeit (s),Winkel (Grad),Drehmoment (Nm)", ("motor_position", "motor_torque")),
+        ("Zeit [s],Winkel [deg],Moment [Nm]", ("motor_position", "motor_torque")),
+        ("Zeit [s],Winkel [deg],Strom (A)", ("motor_position", "motor_current")),
+        ("Zeit [s],Weg [mm],Kraft [N]", ("motor_position", "motor_torque")),
+    ],
+)
+def test_headers_of_other_alphabets_and_languages(tmp_path, capsys, header, channels):
+    path = written(tmp_path / "log.csv", header, TIME, TURN, TORQUE)
+    constant = ("--torque-constant", 2.0) if "motor_current" in channels else ()
+    (run,) = imported(capsys, path, *constant).runs
+    assert set(channels) <= set(run.units)
+    size = 0.1 if "Weg" in header else math.pi / 180.0
+    np.testing.assert_allclose(run.channel("motor_position"), size * TURN, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("header", "options", "proposed"),
+    [
+        ("t,pos,strom,kraft", (), "time=1:s,position=2:mm,current=3:A,torque=4:N"),
+        ("t,pos,strom,temp", (), "time=1:s,position=2:deg,current=3:A"),
+        ("t,alpha,strom,temp", (), "time=1:s,position=2:deg,current=3:A"),
+        ("a,b,strom,temp", ("--map", "time=1:s,strom=3:A"), "time=1:s,position=2:deg,current=3:A"),
+    ],
+)
+def test_the_proposed_mapping_goes_as_it_stands(tmp_path, capsys, header, options, proposed):
+    path = written(tmp_path / "log.csv", header, TIME, TURN, TORQUE, TORQUE)
+    said = refused(capsys, path, *options)
+    assert f"such as --map {proposed}." in said
+    run = imported(capsys, path, "--map", proposed, "--torque-constant", 1.0).runs[0]
+    assert {"motor_position", "motor_torque"} <= set(run.units)
+
+
+def test_what_is_missing_is_said_beside_what_there_is(tmp_path, capsys):
+    path = written(tmp_path / "log.csv", "t (s),velocity (deg/s),torque (Nm)", TIME, TURN, TORQUE)
+    assert refused(capsys, path).endswith(
+        "gives no position, which the log of an axis needs; it has the columns 1 't (s)', 2 'velocity "
+        "(deg/s)', 3 'torque (Nm)': say which is which, such as --map time=1:s,torque=3:Nm,position=N:deg, "
+        "N being its column."
+    )
+
+
+@pytest.mark.parametrize(
+    ("mapping", "sentence"),
+    [
+        ("position=2:deg,torque=3:N", "the position in deg and 'motor_torque' (column 3) in N; of an axis "
+         "that turns it should be in a unit such as Nm, or --radius should give the lever"),
+        ("position=2:mm,torque=3:Nm", "the position in mm and 'motor_torque' (column 3) in Nm; of an axis "
+         "that slides it should be in a unit such as N, or"),
+        ("position=2:deg,torque=3:Nm,load=4:N", "'load_torque' (column 4) in N; of an axis that turns"),
+        ("position=2:deg,torque=3:Nm,command=4:mm", "'motor_command' (column 4) in mm; of an axis that"),
+    ],
+)  # fmt: skip
+def test_a_force_turns_nothing_without_a_lever(tmp_path, capsys, mapping, sentence):
+    path = written(tmp_path / "log.csv", "t,a,b,c", TIME, TURN, TORQUE, TORQUE)
+    assert sentence in refused(capsys, path, "--map", f"time=1:s,{mapping}")
+
+
+def test_a_force_at_a_lever_is_a_torque(tmp_path, capsys):
+    """10 N at 50 mm are 0.5 N m."""
+    path = written(tmp_path / "log.csv", "t (s),q (rad),F (N)", TIME, TURN, 10.0 * TORQUE)
+    (run,) = imported(capsys, path, "--radius", 0.05).runs
+    np.testing.assert_allclose(run.channel("motor_torque"), 0.5 * TORQUE, atol=1e-9)
+    np.testing.assert_allclose(run.channel("motor_position"), TURN, atol=1e-9)
 
 
 @pytest.mark.parametrize("save", [as_version_5, as_version_73])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fingerlab.core.errors import UserError
-from fingerlab.sessions.text_table import inspect_table, read_blocks
+from fingerlab.sessions.text_table import inspect_table, read_blocks, read_rows
 
 
 def table_of(tmp_path, text, encoding="utf-8"):
@@ -72,7 +72,10 @@ def test_times_of_day_are_seconds(tmp_path):
             "0,0\t1,5\n1,0\t2.5\n",
             r"line 2, column 2 holds '2\.5'; it should be a number with a decimal comma",
         ),
-        ("0\t1\n1\t\n", "line 2 has 1 columns"),
+        ("0\t1\n1\n2\t3\n", "line 2 has 1 columns"),
+        ("0\t1\n1\t\n", "line 2, column 2 holds ''"),
+        ("0,1,RUN\n1,2,STOP\n", "column 3 holds 'RUN'; it should be a number"),
+        ("0;1,5\n1;1.001,5\n", r"line 2, column 2 holds '1\.001,5'"),
         ("0\t1\t5\n1\t\t5\n", "line 2, column 2 holds ''"),
         ("t\tx\n", "holds a header but no rows|no row of two numbers"),
         ("", "is empty; it should hold a table of numbers"),
@@ -84,6 +87,50 @@ def test_times_of_day_are_seconds(tmp_path):
 def test_what_does_not_fit_is_named_by_file_and_line(tmp_path, text, sentence):
     with pytest.raises(UserError, match=sentence):
         table_of(tmp_path, text)
+
+
+@pytest.mark.parametrize(
+    ("text", "separator", "decimal", "header"),
+    [
+        ("t,mode,x\n0,AUTO,1.5\n1,AUTO,2.5\n", ",", ".", ("t", "mode", "x")),
+        ("t;mode;x\n0,0;AUTO 1;1,5\n1,0;AUTO 1;2,5\n", ";", ",", ("t", "mode", "x")),
+        ('"t","mode","x"\n"0,0","AUTO","1,5"\n"1,0","AUTO","2,5"\n', ",", ",", ("t", "mode", "x")),
+        ("t mode x\n0 AUTO 1.5\n1 AUTO 2.5\n", None, ".", ("t", "mode", "x")),
+    ],
+)
+def test_a_column_of_words_is_left_among_the_numbers(tmp_path, text, separator, decimal, header):
+    path = tmp_path / "a.txt"
+    path.write_text(text, encoding="utf-8")
+    table = inspect_table(path)
+    assert (table.separator, table.decimal, table.header) == (separator, decimal, header)
+    assert list(table.words) == [1]
+    (rows,) = read_rows(table)
+    assert rows.values[:, [0, 2]].tolist() == [[0.0, 1.5], [1.0, 2.5]]
+    assert np.isnan(rows.values[:, 1]).all()
+    assert rows.faults == ()
+
+
+@pytest.mark.parametrize("header", ["t;x;\n", "t;x\n", ""])
+def test_a_separator_behind_the_last_number_is_no_column(tmp_path, header):
+    table, values = table_of(tmp_path, header + "0;1,5;\n1;2,5;\n2;3,5\n")
+    assert (table.columns, table.words) == (2, {})
+    assert table.header == (("t", "x") if header else None)
+    assert values.tolist() == [[0.0, 1.5], [1.0, 2.5], [2.0, 3.5]]
+
+
+def test_quotes_are_none_of_a_number(tmp_path):
+    table, values = table_of(tmp_path, '"t (s)";"x; y"\n"0,5";"-1"\n"1,5";"2"\n')
+    assert table.header == ("t (s)", "x; y")
+    assert values.tolist() == [[0.5, -1.0], [1.5, 2.0]]
+
+
+def test_what_cannot_be_read_is_told_with_its_line(tmp_path):
+    path = tmp_path / "a.txt"
+    path.write_text("t,x\n0,1\n\n1,\n2\n3,4\n", encoding="utf-8")
+    (rows,) = read_rows(inspect_table(path))
+    assert rows.lines.tolist() == [2, 4, 5, 6]
+    assert [(fault.row, fault.column) for fault in rows.faults] == [(1, 1), (2, None)]
+    np.testing.assert_array_equal(rows.values, [[0, 1], [1, np.nan], [np.nan, np.nan], [3, 4]])
 
 
 def test_a_bad_row_far_down_has_the_right_line(tmp_path):

@@ -51,6 +51,7 @@ OPTION_NAMES = {
     "map its column with --map": "choose its column in the table",
     "say which column is which with --map": "choose what each column is",
     "say which is which with --map": "choose what each of them is",
+    "or leave the time column out of --map": "or leave the time column unused",
     "is imported with --axis": "is imported with 'Log of one axis of any machine' ticked",
     "--map": "the table of columns",
     "--rate": "'Samples a second'",
@@ -104,6 +105,8 @@ class ColumnTable(NumberTable):
         self, table: Table, values: Array, found: Sequence[Column | None], axis: Axis | None
     ) -> None:
         """Start from what the columns are likely to be; values of shape (rows, columns)."""
+        from fingerlab.sessions.mapping import words_of
+
         self.by_hand, self._axis = False, axis
         for row in range(self.rowCount()):
             for place in (1, 2, 3):
@@ -111,9 +114,12 @@ class ColumnTable(NumberTable):
         self.setRowCount(0)
         self.setRowCount(table.columns)
         self._names = list(table.header or (f"column {k + 1}" for k in range(table.columns)))
+        words = words_of(table)
         own = [c.channel for c in found if c is not None and c.channel not in CHANNEL_UNITS]
         for row, column in enumerate(found):
             numbers = "  ".join(f"{value + 0.0:g}" for value in values[:SHOWN_VALUES, row])
+            if row in words:
+                numbers = f"{words[row]}  (words)" if words[row] else "empty"
             for place, text in ((0, self._names[row]), (4, numbers)):
                 self.setItem(row, place, _cell(text))
             channels = {UNUSED: "not used", **{k: TITLES.get(k, k) for k in (*CHANNEL_UNITS, *own)}}
@@ -124,6 +130,8 @@ class ColumnTable(NumberTable):
                 self.setCellWidget(row, place, field)
             kind.setCurrentIndex(max(kind.findData(column.channel if column is not None else UNUSED), 0))
             self._offer_units(row, column.unit if column is not None else "")
+            set_usable(kind, row not in words)
+            set_usable(turned, row not in words)
             kind.activated.connect(lambda _=0, r=row: self._on_kind(r))
             unit.activated.connect(self._on_edited)
             turned.toggled.connect(self._on_edited)
@@ -412,6 +420,8 @@ class ImportDialog(QDialog):
         row = self.columns.currentRow()
         if self._table is None or row < 0 or len(self._values) < 2:
             return
+        if not np.isfinite(self._values[:, row]).any():  # a column of words
+            return
         unit = CHANNEL_UNITS.get(self.columns.kind(row), "")
         alike = [k for k in range(self.columns.rowCount()) if self._unit_of(k) == unit] if unit else []
         curves = {self.columns.title(k): self._in_si(k) for k in dict.fromkeys((*alike, row))}
@@ -450,7 +460,9 @@ class ImportDialog(QDialog):
 
 def in_the_window(sentence: str) -> str:
     """A sentence of the command, with the names that its options have here."""
-    sentence = re.sub(r"say them, such as --map \S+", "choose them in the table.", sentence)
+    sentence = re.sub(r"say them, such as --map (\"[^\"]*\"|\S*\w)", "choose them in the table", sentence)
+    sentence = re.sub(r"say which is which, such as --map .*", "choose them in the table.", sentence)
+    sentence = sentence.replace("--radius should give", "'fingerlab import --radius' should give")
     for option, name in OPTION_NAMES.items():
         sentence = sentence.replace(option, name)
     return sentence

@@ -344,8 +344,8 @@ class LibraryPage(QWidget):
         text = ""
         if not reading and total == 0:
             text = (
-                f"{NO_SESSION} Choose the folder that holds the sessions, import text "
-                "files, or record one in Acquire."
+                f"{NO_SESSION} Choose the folder that holds the sessions, import tables, "
+                "or record one in Acquire."
             )
         elif not reading and shown == 0:
             text = "No session fits the search. Take words away, or clear it."

@@ -353,14 +353,18 @@ class Writer(QObject):
 
         def work(progress: Progress) -> Path:
             from fingerlab.rig.file import default_rig, load_rig
-            from fingerlab.sessions.importing import import_files
+            from fingerlab.sessions.importing import import_files, left_out_words
 
             bench = load_rig(rig_file) if rig_file is not None else default_rig()
             rig = axis_rig if axis_rig is not None else bench
             title = f"imported from {', '.join(path.name for path in names)}"
-            return import_files(plans, target, rig, title, progress=progress)
+            path = import_files(plans, target, rig, title, progress=progress)
+            left_out.extend(left_out_words(path))
+            return path
 
-        self._start(f"Importing {len(plans)} {'table' if len(plans) == 1 else 'tables'}", work)
+        left_out: list[str] = []
+        what = f"Importing {len(plans)} {'table' if len(plans) == 1 else 'tables'}"
+        self._start(what, work, lambda path: self._on_done(path, left_out))
 
     def _ask_file(self, title: str, suggested: Path) -> Path | None:
         """Where to; a name that is taken is refused by whoever writes, so the dialog does not offer to."""
@@ -376,15 +380,17 @@ class Writer(QObject):
         path = Path(name)
         return path if path.suffix else path.with_suffix(".h5")
 
-    def _start(self, title: str, write: Callable[[Progress], Path]) -> None:
+    def _start(
+        self, title: str, write: Callable[[Progress], Path], done: Callable[[Path], None] | None = None
+    ) -> None:
         self._context.hush()
 
         def work(progress: Progress, cancelled: IsCancelled) -> Path:
             progress(0.0, "reading")
             return write(progress)
 
-        self._context.tasks.start(title, work, self._on_done, OWNER)
+        self._context.tasks.start(title, work, done or self._on_done, OWNER)
 
-    def _on_done(self, path: Path) -> None:
-        self._context.announce(f"Written: {path}", path)
+    def _on_done(self, path: Path, told: Sequence[str] = ()) -> None:
+        self._context.announce("; ".join([f"Written: {path}", *told]), path)
         self.written.emit(path)

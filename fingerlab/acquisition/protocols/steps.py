@@ -14,6 +14,7 @@ from fingerlab.acquisition.control.machine import SetUp, Start
 from fingerlab.acquisition.control.motion import STOP_S
 from fingerlab.acquisition.control.trajectories import read_trajectory
 from fingerlab.core.errors import UserError
+from fingerlab.core.text import amount
 from fingerlab.rig.file import INTERVENTION, read_intervention
 from fingerlab.sessions.model import Run
 
@@ -239,10 +240,11 @@ def prompt_of(set_up: SetUp) -> str:
     if not set_up.load_torque:
         return f"{CABLE_WORDS[set_up.cable]} {PHASE_WORDS[set_up.phase]}"
     turns = "forwards" if set_up.load_torque > 0 else "backwards"
+    load = amount(abs(set_up.load_torque), "N m", 4)
     return (
-        f"{CABLE_WORDS[set_up.cable]} Hang the known load of {1e3 * abs(set_up.load_torque):.4g} mN m on the "
-        f"pulley: now it rests on its support, the thread slack by less than {LIFT_DEG:g}°, and it "
-        f"is lifted where the motor turns {turns}."
+        f"{CABLE_WORDS[set_up.cable]} Hang the known load of {load} on the pulley: now it rests on its "
+        f"support, the thread slack by less than {LIFT_DEG:g}°, and it is lifted where the motor turns "
+        f"{turns}."
     )
 
 

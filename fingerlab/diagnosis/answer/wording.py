@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from fingerlab.core.text import estimate_text, fixed, in_sentence, screen_unit
+from fingerlab.core.text import estimate_text, fixed, in_sentence, screen_unit, significant
 from fingerlab.diagnosis.answer.results import BenchFinding
 from fingerlab.diagnosis.equations.coefficients import DELAY
 from fingerlab.diagnosis.equations.parameters import TORQUE_LAG
@@ -25,11 +25,12 @@ from fingerlab.diagnosis.settings import (
     USUAL_LAG_S,
     Z90,
 )
+from fingerlab.diagnosis.signals.channel_checks import torque_of_an_ampere
 from fingerlab.diagnosis.signals.filters import BRIDGED, CUT_OUT, HELD, SPIKE, UNEVEN, Repair
+from fingerlab.diagnosis.signals.scales import as_recorded
 from fingerlab.effects import find_effect
 from fingerlab.effects.base import Effect, Row
 from fingerlab.models.file import ParameterEstimate
-from fingerlab.rig.file import Rig
 from fingerlab.sessions.model import Array
 
 SENSORS = {"mcp_angle": "MCP sensor", "pip_angle": "PIP sensor", "motor_position": "motor's encoder"}
@@ -45,7 +46,7 @@ def bench_findings(
     """
     return (
         *_channels(reduction),
-        *_moved(reduction, offsets, reduction.rig),
+        *_moved(reduction, offsets),
         *_skew(reduction, last),
         *_spikes(reduction),
         *_lost(reduction),
@@ -95,7 +96,7 @@ def _skew(reduction: Reduction, last: FittedModel) -> list[BenchFinding]:
     return found
 
 
-def _moved(reduction: Reduction, offsets: Sequence[Offsets], rig: Rig) -> list[BenchFinding]:
+def _moved(reduction: Reduction, offsets: Sequence[Offsets]) -> list[BenchFinding]:
     """Zeros that are other ones in every run, by runs that were told the same motion.
 
     In runs of other motions, what a law lacks is no constant of the run's but looks like one. Only where
@@ -126,22 +127,23 @@ def _moved(reduction: Reduction, offsets: Sequence[Offsets], rig: Rig) -> list[B
         if not spread > max(REPORTED_OFFSET * float(np.sqrt(np.mean(unsure[every] ** 2))), least):
             continue
         worst = int(np.argmax(np.abs(away)))
-        run = reduction.runs[numbers[every[worst]]][1]
-        words = _moved_words(channel, spread, float(np.abs(away[worst])), run, rig)
+        at = numbers[every[worst]]
+        run = reduction.runs[at][1]
+        ampere = torque_of_an_ampere(as_recorded(reduction.analysed[at]), reduction.rig)
+        words = _moved_words(channel, spread, float(np.abs(away[worst])), run, ampere)
         result.append(BenchFinding("moving_zero", channel, spread, unit, (run,), *words))
     # One joint's zero is told from the other's by springs and arms that are not known to the last.
     most = max((one.size for one in result if one.unit == "rad"), default=0.0)
     return [one for one in result if one.unit != "rad" or one.size > REPORTED_SHARE * most]
 
 
-def _moved_words(channel: str, spread: float, most: float, run: str, rig: Rig) -> tuple[str, str]:
-    """What is said, and advised."""
+def _moved_words(channel: str, spread: float, most: float, run: str, ampere: float) -> tuple[str, str]:
+    """What is said, and advised; ``ampere``: torque of one, N m/A, 0 where nobody knows it."""
     if channel == "motor_torque":
-        gain = rig.motor.torque_constant * rig.motor.gear_ratio
-        current = f" ({_number(spread / gain * 1e3)} mA of its current)" if gain > 0 else ""
+        current = f" ({_number(spread / ampere * 1e3)} mA of its current)" if ampere > 0 else ""
         return (
-            f"The zero of the motor's torque moves from run to run by {_number(spread * 1e3)} mN m{current}, "
-            f"at most by {_number(most * 1e3)} mN m in run {run}",
+            f"The zero of the motor's torque moves from run to run by {_torque(spread)}{current}, "
+            f"at most by {_torque(most)} in run {run}",
             "let the amplifier warm up, or set its zero at rest before each run",
         )
     degrees = np.degrees(1.0)
@@ -221,6 +223,12 @@ def _number(value: float) -> str:
     """Two figures, and no more decimals than these take."""
     decimals = max(0, 1 - int(np.floor(np.log10(max(abs(value), 1e-9)))))
     return fixed(value, min(decimals, 4))
+
+
+def _torque(value: float) -> str:
+    """A torque, N m, to two figures in the unit that its size asks for."""
+    unit = screen_unit("N m", value)
+    return unit.after(_number(value * unit.factor))
 
 
 def residual_offsets(
@@ -377,7 +385,7 @@ BOTH_JOINTS, ON_BENCH = "Both joints miss the same tension", "The motor's equati
 def _grid_value(estimate: ParameterEstimate) -> str:
     """A value that was only tried on a grid has no interval worth a sign."""
     shown = screen_unit(estimate.unit, abs(estimate.value))
-    return f"about {shown.after(f'{estimate.value * shown.factor:.3g}')}"
+    return f"about {shown.after(significant(estimate.value * shown.factor))}"
 
 
 def parameter_title(effect: Effect, name: str) -> str:

@@ -13,6 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from fingerlab.core.errors import UserError
+from fingerlab.core.plain_data import read_object
+from fingerlab.core.text import significant
 from fingerlab.diagnosis.settings import (
     ANOTHER_UNIT,
     COMMAND_CORRELATION,
@@ -25,6 +27,7 @@ from fingerlab.diagnosis.settings import (
     PULLS_SHARE,
     SWING_SAMPLES,
 )
+from fingerlab.diagnosis.signals.scales import is_still
 from fingerlab.physics.motion import Motion
 from fingerlab.rig.file import Rig
 from fingerlab.sessions.model import Array, Run
@@ -62,7 +65,7 @@ def facts_of(run: Run, motion: Motion, rig: Rig) -> ChannelRatios:
     inner = slice(motion.lead, None)
     wound = motion.radius * motion.position[inner]
     current, command, agrees = _beside(run, rig)
-    still = [] if np.ptp(wound) > 0 else ["motor_position"]
+    still = ["motor_position"] if is_still(motion.position[inner]) else []
     if np.ptp(motion.torque[inner]) == 0:
         still.append("motor_torque")
     if motion.joints is None or rig.finger is None:
@@ -100,7 +103,7 @@ def _beside(run: Run, rig: Rig) -> tuple[float, float, float]:
     names = [n for n in ("motor_current", "motor_torque", "motor_position", "motor_command") if run.has(n)]
     first = run.length // 10  # the ramp from rest
     samples = run.load(names, first, first + int(FIRST_LOOK_S * run.sample_rate_hz))
-    gain = rig.motor.torque_constant * rig.motor.gear_ratio
+    gain = rig.ampere
     current = command = agrees = NOT_KNOWN
     if "motor_current" in samples and gain > 0:
         amperes = samples["motor_current"]
@@ -113,6 +116,25 @@ def _beside(run: Run, rig: Rig) -> tuple[float, float, float]:
             command = _swing(done) / _swing(commanded)
             agrees = float(np.corrcoef(commanded, done)[0, 1])
     return current, command, agrees
+
+
+def torque_of_an_ampere(run: Run, rig: Rig) -> float:
+    """What an ampere gives at the output, N m/A, where a run's torque is that of a current that was measured.
+
+    0 where the run holds no current, or one that was made of its torque, or the rig's constants do not make
+    the one of the other: a log of one axis may have come without them.
+    """
+    made = read_object(
+        str(run.attributes.get("derived") or "{}"), f"Run {run.name}, 'derived'", "import it again"
+    )
+    if not run.has("motor_current") or "motor_current" in made:
+        return 0.0
+    agrees = abs(_beside(run, rig)[0] - 1.0) < SAME_TORQUE
+    return rig.ampere if agrees else 0.0
+
+
+SAME_TORQUE = 0.05
+"""By how much torque and current may differ by the rig's constants and be told of each other; assumed."""
 
 
 def _swing(values: Array) -> float:
@@ -143,9 +165,10 @@ def _dead(seen: Sequence[ChannelRatios]) -> str:
         those = [f for f in seen if not (channel.endswith("angle") and np.isnan(f.arm))]
         if those and all(channel in f.still for f in those):
             beside = "" if channel.startswith("motor") else " while the other joint does"
+            or_not = "the axis does not move, or its" if channel == "motor_position" else "its"
             return (
-                f"Channel '{channel}' does not move in any run{beside} (run {those[0].run}, for one); its "
-                "sensor is dead or not connected: mend it and record again."
+                f"Channel '{channel}' does not move in any run{beside} (run {those[0].run}, for one); "
+                f"{or_not} sensor is dead or not connected: mend that and record again."
             )
     return ""
 
@@ -156,8 +179,8 @@ def _units(seen: Sequence[ChannelRatios]) -> str:
         run, value = ratios[0]
         turned = "turn its sign" if value < 0 else "write it in N m at the gearbox output"
         return (
-            f"Channel 'motor_torque' is {value:.3g} times what motor_current and the rig's torque constant "
-            f"and gear ratio make it (run {run}, for one); {turned}, or correct the rig."
+            f"Channel 'motor_torque' is {significant(value)} times what motor_current and the rig's torque "
+            f"constant and gear ratio make it (run {run}, for one); {turned}, or correct the rig."
         )
     signs = _known(seen, lambda f: f.agrees)
     if signs and max(v for _, v in signs) < -COMMAND_CORRELATION:

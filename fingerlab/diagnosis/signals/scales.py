@@ -83,6 +83,8 @@ REFERENCE = Finger(0.012, 0.013, 0.0225, 0.024, 2.025e-6, 2.496e-6, 0.12, 0.06)
 """The finger of which everything is a multiple: the thesis' one, as the default rig assumes it."""
 
 
+STILL_RAD = 1e-9
+"""A position that changes by no more stands still: less than a step of any encoder, more than rounding."""
 LEAST_SECONDS = SHORTEST_STRETCH_S / (1.0 - SETTLING_SHARE)
 """Reduced seconds that a run must last."""
 
@@ -107,6 +109,11 @@ def find_scales(sessions: Sequence[Session]) -> Scales:
     if not spreads:
         return SI
     return Scales(_relative(float(np.median(spreads)), USUAL_TORQUE_SPREAD), 1.0, _time_of(bench))
+
+
+def is_still(position: Array) -> bool:
+    """Whether a position, rad, (n,), is one number but for its rounding."""
+    return float(np.ptp(position)) <= STILL_RAD
 
 
 def _relative(size: float, usual: float) -> float:
@@ -170,7 +177,7 @@ def _pace(run: Run) -> float:
         swing = math.radians(float(amplitude)) if isinstance(amplitude, int | float) else 0.0
         return 2.0 * math.pi * frequency * max(1.0, abs(swing) / math.sqrt(2.0) / USUAL_TRAVEL)
     position = _moving(run, "motor_position")
-    if not len(position):
+    if not len(position) or is_still(position):
         return 0.0
     moved = position - position.mean()
     power = np.abs(np.fft.rfft(moved * np.hanning(len(moved)))) ** 2

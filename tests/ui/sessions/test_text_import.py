@@ -129,6 +129,37 @@ def test_a_log_of_one_axis_from_matlab_becomes_a_session_without_a_finger(
     assert run.channel("motor_torque")[0] == pytest.approx(0.125)
 
 
+def test_bad_rows_and_words_are_told_where_a_table_is_looked_at(
+    browsing: MainWindow, tmp_path: Path, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rows = [f"{k / 500:.3f},AUTO,{k % 50},{k % 7}" for k in range(1000)]
+    rows[99], rows[-1] = rows[99].rpartition(",")[0] + ",", "1.99"
+    log = tmp_path / "drive.csv"
+    log.write_text("\n".join(["Zeit (s),mode,Winkel (deg),Moment (Nm)", *rows]), encoding="utf-8")
+    drop(browsing, log)
+    dialog = dialog_of(browsing)
+    QTest.mouseClick(child(dialog, QCheckBox, "importAxis"), LEFT)
+    assert [dialog.columns.kind(row) for row in range(4)] == ["time", "", "motor_position", "motor_torque"]
+    assert dialog.columns.item(1, 4).text() == "AUTO  (words)"
+    assert not child(dialog, QComboBox, "importIs1").isEnabled()
+    words = (
+        "2 of 1,000 rows are left out: 1 without a number in a column that is used (line 101), 1 cut off at "
+        "the end of the file (line 1001)"
+    )
+    assert words in child(dialog, QPlainTextEdit, "importSeen").toPlainText()
+    choose(dialog, "importUnit3", "N")
+    seen = child(dialog, QPlainTextEdit, "importSeen").toPlainText()
+    assert "in a unit such as Nm, or 'fingerlab import --radius' should give the lever" in seen
+    choose(dialog, "importUnit3", "Nm")
+    target = tmp_path / "library" / "drive.h5"
+    monkeypatch.setattr(QFileDialog, "getSaveFileName", staticmethod(lambda *_, **__: (str(target), "")))
+    QTest.mouseClick(child(dialog, QPushButton, "importWrite"), LEFT)
+    qtbot.waitUntil(target.exists, timeout=PATIENCE)
+    qtbot.waitUntil(lambda: not browsing.tasks.busy, timeout=PATIENCE)
+    (run,) = open_session(target).runs
+    assert (run.length, run.attributes["left_out"]) == (998, words)
+
+
 @pytest.mark.parametrize("name", ["text-header.txt", "text-decimal-comma.txt"])
 def test_files_of_the_bench_open_with_their_columns_named(
     browsing: MainWindow, shared_data: Path, name: str
