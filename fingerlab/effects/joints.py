@@ -71,7 +71,7 @@ def angle_error_terms(motion: Motion, gain: str, mcp: Array, pip: Array) -> list
     ]
 
 
-def angle_error(motion: Motion, gain: str, joint: str, error: Array) -> list[Term]:
+def misread(motion: Motion, gain: str, joint: str, error: Array) -> list[Term]:
     """The same for an error (rad) of one measured angle, of joint ``mcp`` or ``pip``."""
     errors = [error if joint == one else np.zeros_like(error) for one in ANGLES]
     every = angle_error_terms(motion, gain, *errors)

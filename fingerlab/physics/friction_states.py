@@ -211,7 +211,7 @@ def first_order_lags(values: Array, time_constants: Sequence[float] | Array, sam
     return _joined(_relaxed(np.repeat(keep[None], BLOCK, axis=0), blocks), len(values))
 
 
-def displacement_while(position: Array, holds: BoolArray) -> Array:
+def way_while(position: Array, holds: BoolArray) -> Array:
     """How far a position has moved since a condition began to hold, (n,); zero where it does not."""
     began = np.maximum.accumulate(np.where(holds, 0, np.arange(len(position))))
     return np.asarray(position - position[began])

@@ -20,7 +20,7 @@ def place(mcp: np.ndarray, pip: np.ndarray) -> np.ndarray:
     return first + np.exp(-1j * (mcp + pip - FINGER.wrist_angle)) * 2 * FINGER.distal_half_length
 
 
-def angle_error(motion, mcp: float, pip: float) -> JointMotion:
+def misread(motion, mcp: float, pip: float) -> JointMotion:
     """The same motion as two sensors show it that read too much by so many rad."""
     q = motion.joints
     zero = np.zeros_like(q.mcp)
@@ -52,7 +52,7 @@ def test_wrong_angles_move_the_tip_as_its_coordinates_say() -> None:
     terms = CATALOGUE["sensor_drift"].columns(motion, {"time_constant": STEADY_S})
     small = 1e-7
     for joint, error in (("mcp", (small, 0.0)), ("pip", (0.0, small))):
-        wrong = angle_error(motion, *error)
+        wrong = misread(motion, *error)
         added = -(place(wrong.mcp, wrong.pip) - place(motion.joints.mcp, motion.joints.pip)).imag / small
         expected = while_pressed(motion, added * motion.time)
         assert column(terms, Row.TIP, f"rate_{joint}") == pytest.approx(expected, rel=1e-2, abs=1e-5)
@@ -70,7 +70,7 @@ def test_a_leaning_face_guides_the_tip_at_right_angles_to_its_force() -> None:
     forward = column(terms, Row.PIP, "lean") / motion.force  # lever that takes torque off a flexing joint
     joints = motion.joints
     small = 1e-7
-    wrong = angle_error(motion, 0.0, small)
+    wrong = misread(motion, 0.0, small)
     travel = (place(wrong.mcp, wrong.pip) - place(joints.mcp, joints.pip)) / small
     assert forward == pytest.approx(-travel.real, abs=1e-6)
 

@@ -18,13 +18,13 @@ import numpy as np
 from fingerlab.diagnosis.settings import DRAFT_RANGE, STATE_RIDGE
 from fingerlab.diagnosis.signals.scales import Scales
 from fingerlab.effects.base import Effect, Row, Scale, Shape, Term
-from fingerlab.effects.joints import angle_error, lateral_levers
+from fingerlab.effects.joints import lateral_levers, misread
 from fingerlab.physics.friction_states import (
     dahl_states,
-    displacement_while,
     first_order_lags,
     friction_state,
     rubbing_forces,
+    way_while,
 )
 from fingerlab.physics.motion import Motion
 from fingerlab.physics.parameter import Parameter
@@ -190,7 +190,7 @@ def signals(motion: Motion) -> dict[str, Any]:
         "first_order_lags": first_order_lags,
         "friction_state": friction_state,
         "rubbing_forces": rubbing_forces,
-        "way_while": displacement_while,
+        "way_while": way_while,
     }
 
 
@@ -238,7 +238,7 @@ def placed(place: str, gain: str, values: Array, motion: Motion) -> list[Term]:
     if place == "tip":
         return [Term(t.row, gain, values * t.values, "joint") for t in lateral_levers(motion, gain)]
     if place in PAIRED["sensors"]:
-        return angle_error(motion, gain, place.removeprefix("sensor_"), values)
+        return misread(motion, gain, place.removeprefix("sensor_"), values)
     if place == "cell":
         levers = zip((Row.MCP, Row.PIP), motion.contact_levers, strict=True)
         return [Term(row, gain, values * lever, "joint") for row, lever in levers]
