@@ -97,6 +97,9 @@ SPIKE_NEIGHBOURS = 4
 """So many samples on either side of a spike are its neighbours."""
 PULSE_SAMPLES = 3
 """Spikes in so many samples in a row are a pulse that is kept: of spikes by chance, not one in a thousand."""
+END_JUMP = 8.0
+"""The first and the last samples are spikes that are off by so many times what the channel ranges over in
+twice as many beside them; assumed: a motion that goes on is off by less than two."""
 MOST_SPIKES_SHARE = 0.02
 """A channel with a larger share of spikes is of that kind, and is left as it is; assumed."""
 

@@ -34,6 +34,23 @@ def noisy(step: float) -> np.ndarray:
     return np.round(values / step) * step if step else values
 
 
+@pytest.mark.parametrize("where", [slice(-3, None), slice(0, 2)])
+def test_a_stop_at_the_end_of_a_log_is_no_pulse_that_was_measured(where: slice) -> None:
+    """A kilonewton in the last three samples; in the middle so many in a row would be kept."""
+    time = np.arange(2000) / 500.0
+    values = np.sin(6.0 * time) + 0.01 * np.random.default_rng(0).standard_normal(len(time))
+    spoiled = values.copy()
+    spoiled[where] = 1000.0
+    repaired, spikes = without_spikes(spoiled)
+    assert spikes.tolist() == np.arange(len(time))[where].tolist()
+    assert repaired == pytest.approx(values, abs=0.1)
+    assert len(without_spikes(values)[1]) == 0
+    standing = np.round(values, 1)
+    standing[-8:] = standing[-1] - 0.1  # the last step of a coarse encoder
+    standing[-1] += 0.1
+    assert len(without_spikes(standing)[1]) == 0
+
+
 @pytest.mark.parametrize("step", [0.0, 7e-4, 2e-2])
 @pytest.mark.parametrize("size", [0.3, -2.0])
 def test_spikes_are_found_where_they_were_put(step: float, size: float) -> None:

@@ -23,6 +23,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from fingerlab.diagnosis.settings import (
+    END_JUMP,
     HELD_STEPS,
     LEAST_HELD,
     LEAST_JITTER,
@@ -130,6 +131,7 @@ def without_spikes(values: Array) -> tuple[Array, Array]:
     suspects = np.flatnonzero(bend > 0.5 * LEAST_SPIKE * scale) + 1
     if not len(suspects) or not scale > 0:
         return values, NONE
+    ends = np.concatenate((_jump(values[::-1], scale), len(values) - 1 - _jump(values, scale)))
     # A spike bends the line at its neighbours, too; which of them it is, those further off say.
     around = np.concatenate((np.arange(-SPIKE_NEIGHBOURS, 0), np.arange(1, SPIKE_NEIGHBOURS + 1)))
     near = values[np.clip(suspects[:, None] + around, 0, len(values) - 1)]
@@ -140,6 +142,7 @@ def without_spikes(values: Array) -> tuple[Array, Array]:
     # So many in a row are a pulse that was measured: a rotor catching up with a cable that hung loose.
     rows = np.split(spikes, np.flatnonzero(np.diff(spikes) > 1) + 1)
     spikes = np.concatenate([row for row in rows if len(row) < PULSE_SAMPLES] or [NONE])
+    spikes = np.union1d(spikes, ends)
     if not len(spikes) or len(spikes) > max(MOST_SPIKES_SHARE * len(values), 1.0):
         return values, NONE
     good = np.ones(len(values), dtype=bool)
@@ -148,6 +151,21 @@ def without_spikes(values: Array) -> tuple[Array, Array]:
     repaired = values.copy()
     repaired[spikes] = np.interp(spikes, kept, values[kept])
     return repaired, spikes
+
+
+def _jump(values: Array, scale: float) -> NDArray[np.intp]:
+    """How far from the end a channel has jumped away in its last samples: 0 is the last, (samples,).
+
+    A log that ends in a stop, or begins with a switch, shows a pulse of which nobody sees the other side.
+    ``scale``: what the channel bends by from sample to sample, or its step.
+    """
+    usual = values[-3 * SPIKE_NEIGHBOURS : -SPIKE_NEIGHBOURS]
+    if len(usual) < 2 * SPIKE_NEIGHBOURS:
+        return NONE
+    off = np.abs(values[: -SPIKE_NEIGHBOURS - 1 : -1] - np.median(usual)) > END_JUMP * max(
+        np.ptp(usual), scale
+    )
+    return np.flatnonzero(off)
 
 
 def usual_wait(values: Array, most: float) -> int:
