@@ -188,8 +188,9 @@ def _pace(run: Run) -> float:
     lines = order[: int(np.searchsorted(together, MOVING_SHARE * together[-1])) + 1]
     line = 2.0 * math.pi * run.sample_rate_hz / len(position)
     pace = line * float(np.sqrt(np.sum(power[lines] * lines.astype(float) ** 2) / np.sum(power[lines])))
-    pace *= max(1.0, float(moved.std()) / USUAL_TRAVEL)
-    return max(pace, _torque_pace(run)) if np.ptp(moved) > 2.0 * math.pi else pace
+    if np.ptp(moved) > 2.0 * math.pi:
+        return max(pace, _torque_pace(run))
+    return pace * max(1.0, float(moved.std()) / USUAL_TRAVEL)
 
 
 def _torque_pace(run: Run) -> float:
