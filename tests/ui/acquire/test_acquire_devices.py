@@ -215,6 +215,13 @@ def test_a_file_that_is_no_recording_is_refused_in_one_sentence(  # type: ignore
     assert "wires.toml" in rig.label("message")
     assert rig.tab.connect_page.rig_file is None
     assert not rig.button("connectCard").isEnabled()
+    wrong = tmp_path / "empty.toml"
+    wrong.touch()
+    rig.window.context.hush()
+    rig.click("rigFile")
+    rig.wait_idle()
+    assert "empty.toml says nothing of a rig" in rig.label("message")
+    assert rig.tab.connect_page.rig_file is None
 
 
 def test_a_device_of_one_s_own_is_asked_about_once_and_driven(  # type: ignore[no-untyped-def]
