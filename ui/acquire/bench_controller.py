@@ -85,6 +85,7 @@ class BenchController(QObject):
         self._cycles = CycleTimes(1000.0)
         self.worker = Worker(self)
         self._opener = opener
+        self._arriving: OpenBench | None = None  # opened off the GUI thread, not yet shown in it
         self._reader: RingReader | None = None
         self._seen: Status | None = None
         self.numbers_due = True
@@ -109,7 +110,8 @@ class BenchController(QObject):
         def work() -> OpenBench:
             if before is not None:
                 before.close()
-            return self._opener(wanted)
+            self._arriving = opened = self._opener(wanted)
+            return opened
 
         self.call("Connecting", work, self._on_opened)
         self.changed.emit()
@@ -127,10 +129,13 @@ class BenchController(QObject):
         bench, self.bench = self.bench, None
         self._let_go()
         self.worker.shut_down(finish=True)
-        if bench is not None:
-            bench.close()
+        arrived, self._arriving = self._arriving, None  # the window was closed while it connected
+        for one in (bench, arrived.bench if arrived is not None else None):
+            if one is not None:
+                one.close()
 
     def _on_opened(self, opened: OpenBench) -> None:
+        self._arriving = None
         self.opened, self.bench = opened, opened.bench
         self.history = LiveHistory((*SHOWN, *MODELLED), opened.bench.rate_hz)
         self._cycles = CycleTimes(opened.bench.rate_hz)
