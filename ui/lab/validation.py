@@ -345,9 +345,8 @@ class ResultActions(QObject):
             from fingerlab.core.files import whole_file
             from fingerlab.models.file import write_model
 
-            model = fit(progress, cancelled)
             with whole_file(path) as part:  # the dialog has asked whether to replace what is there
-                write_model(model, part)
+                write_model(fit(progress, cancelled), part)
             return path
 
         self._context.tasks.start(
