@@ -32,7 +32,7 @@ from fingerlab.report.diagnosis_words import PHASE_WORDS
 from fingerlab.sessions.model import CABLES, CHANNEL_UNITS, PHASES, Array
 
 from ..widgets.fields import NumberField, choice, set_usable
-from ..widgets.layout import Spacer, as_written, described, hbox, vbox
+from ..widgets.layout import Spacer, as_written, described, hbox, resize_on_screen, vbox
 from ..widgets.plots import DecimatedCurve, QuietPlot, span_of
 from ..widgets.tables import NumberTable, remark
 from ..widgets.theme import colours_of, tint
@@ -252,7 +252,7 @@ class ImportDialog(QDialog):
     def __init__(self, files: Sequence[Path], parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.setWindowTitle("Import tables – FingerLab")
-        self.resize(960, 700)
+        resize_on_screen(self, 960, 700)
         self.plans: tuple[ImportPlan, ...] = ()
         self.rig_file: Path | None = None
         self.axis_rig: Rig | None = None

@@ -293,6 +293,16 @@ class Panes(QSplitter):
         self.splitterMoved.connect(lambda *_: settings.set_heights(self.objectName(), self.sizes()))
 
 
+TITLE_BAR_HEIGHT = 40
+"""px that a desktop puts above a window (assumed)."""
+
+
+def resize_on_screen(window: QWidget, width: int, height: int) -> None:
+    """Give a window this size, px, or less height where the screen has no more."""
+    room = window.screen().availableGeometry().height() - TITLE_BAR_HEIGHT
+    window.resize(width, min(height, room))
+
+
 class ResultDialog(QDialog):
     """A window beside the main one that shows something, until its button or Escape shuts it.
 
@@ -304,7 +314,7 @@ class ResultDialog(QDialog):
         super().__init__(parent)
         self.setObjectName(name)
         self.setWindowTitle(f"{title} – FingerLab")
-        self.resize(width, height)
+        resize_on_screen(self, width, height)
 
     def lay_out(self, *items: Item) -> QPushButton:
         """Items above one another, and below them the button that shuts it."""
