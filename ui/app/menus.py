@@ -360,6 +360,8 @@ class Menus:
     def show_tab(self, title: str, tab: Tab) -> None:
         """Make the menu of the tab in front; the keys of the others do nothing now."""
         self.tab_menu.clear()
+        for inner in self.tab_menu.findChildren(QMenu):
+            inner.deleteLater()
         menus: dict[str, QMenu] = {"": self.tab_menu}
         self.tab_menu.setTitle(with_mnemonic(title))
         self._entries = []
