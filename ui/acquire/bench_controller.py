@@ -51,6 +51,10 @@ _LIGHTS: dict[Mode, Light] = {
 }
 
 
+PLAIN = (Kind.LOST, Kind.RUN, Kind.LINE)
+"""What is told in the status line alone where it is not grave."""
+
+
 class BenchController(QObject):
     """One bench at a time.
 
@@ -372,16 +376,22 @@ class BenchController(QObject):
         if before is None or self.bench is None:
             return
         for notice in notices(before, now, self.bench.rate_hz):
-            if notice.kind in (Kind.LOST, Kind.RUN) and not notice.grave:
+            # In a check a hand tries the lines, and the page says what came of it.
+            asked = self._checks and (notice.kind is Kind.LINE or now.pressed)
+            if notice.kind is not Kind.STOPPED and (asked or (notice.kind in PLAIN and not notice.grave)):
                 self.context.say(notice.sentence)
                 continue
             if notice.kind is Kind.STOPPED:
                 if notice.grave:
-                    self.context.tell(notice.sentence)
+                    (self.context.say if asked else self.context.tell)(notice.sentence)
                 self.stopped.emit(notice.sentence)
                 continue
             self.context.tell(notice.sentence)
             self.warned.emit(notice.sentence)
+
+    @property
+    def _checks(self) -> bool:
+        return self.opened is not None and self.opened.to_check is not None
 
     def _on_failed(self, failed: Failed) -> None:
         self.context.tell(failed.sentence, failed.details)
