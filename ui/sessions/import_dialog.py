@@ -64,7 +64,7 @@ COLUMNS = (
     ("Column", "Title of the column, or its number."),
     ("Is", "The channel that it becomes; what is not used is left out."),
     ("Unit", "In which unit its numbers are."),
-    ("Turned round", "The sign is changed, for a sensor that counts the other way."),
+    ("Sign reversed", "The numbers are taken times −1, for a sensor that counts the other way."),
     ("First values", "As they stand in the file."),
 )
 SHOWN_VALUES = 3
@@ -119,7 +119,9 @@ class ColumnTable(NumberTable):
             channels = {UNUSED: "not used", **{k: TITLES.get(k, k) for k in (*CHANNEL_UNITS, *own)}}
             kind = choice(f"importIs{row}", channels, f"Column {row + 1} is: the channel that it becomes.")
             unit = choice(f"importUnit{row}", {}, f"Unit of column {row + 1}: in which its numbers are.")
-            turned = described(QCheckBox(), f"importTurned{row}", accessible=f"Column {row + 1} turned round")
+            turned = described(
+                QCheckBox(), f"importTurned{row}", accessible=f"Column {row + 1}, sign reversed"
+            )
             for place, field in ((1, kind), (2, unit), (3, turned)):
                 self.setCellWidget(row, place, field)
             kind.setCurrentIndex(max(kind.findData(column.channel if column is not None else UNUSED), 0))
@@ -143,7 +145,7 @@ class ColumnTable(NumberTable):
         return str(self._field(row, 2).currentData() or "")
 
     def sign(self, row: int) -> int:
-        """-1 where a column is turned round."""
+        """-1 where the sign of a column is reversed."""
         box = self.cellWidget(row, 3)
         return -1 if isinstance(box, QCheckBox) and box.isChecked() else 1
 
