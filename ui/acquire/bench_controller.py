@@ -376,8 +376,8 @@ class BenchController(QObject):
         if before is None or self.bench is None:
             return
         for notice in notices(before, now, self.bench.rate_hz):
-            # In a check a hand tries the lines, and the page says what came of it.
-            asked = self._checks and (notice.kind is Kind.LINE or now.pressed)
+            # In a check a hand tries the lines and the stop, and the page says what came of it.
+            asked = self._checks and notice.kind in (Kind.LINE, Kind.STOPPED)
             if notice.kind is not Kind.STOPPED and (asked or (notice.kind in PLAIN and not notice.grave)):
                 self.context.say(notice.sentence)
                 continue
