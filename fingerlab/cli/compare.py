@@ -130,7 +130,15 @@ def _load(paths: tuple[Path, ...]) -> dict[str, ExtendedModel]:
 def _print(result: ModelComparison) -> None:
     console = table_console()
     table = result_table(
-        *("model", "effects", ">error / floor", ">force error (mN)", ">R2", ">R2 normalised", ">share (%)"),
+        *(
+            "model",
+            "effects",
+            ">error / floor",
+            ">force error (mN)",
+            ">R2",
+            ">R2 normalised",
+            ">amplitude (%)",
+        ),
         ">in interval (%)",
         title=f"{result.session.name}, runs that the values have not seen",
         padding=(0, 1, 0, 0),

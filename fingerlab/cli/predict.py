@@ -75,7 +75,7 @@ REGION_COLUMNS = (
     ("error (N)", "rmse", 2, 1.0),
     ("cell peak (N)", "peak_measured", 2, 1.0),
     ("model peak (N)", "peak_modelled", 2, 1.0),
-    ("share (%)", "share", 1, 100.0),
+    ("amplitude (%)", "share", 1, 100.0),
 )
 EFFECT_COLUMNS = (
     ("R2", "r2", 4, 1.0),
@@ -83,7 +83,7 @@ EFFECT_COLUMNS = (
     ("error (mN)", "rmse", 1, 1e3),
     ("cell peak (N)", "peak_measured", 2, 1.0),
     ("model peak (N)", "peak_modelled", 2, 1.0),
-    ("share (%)", "share", 1, 100.0),
+    ("amplitude (%)", "share", 1, 100.0),
     ("delay (ms)", "delay", 0, 1e3),
 )
 """Title, number, digits, and factor to the unit in the title; of a model of ``fit``, and of a diagnosis."""

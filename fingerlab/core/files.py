@@ -81,6 +81,8 @@ def whole_file(path: Path, advice: str = ADVICE) -> Iterator[Path]:
         UserError: the place cannot be written to, or is full.
     """
     part = path.with_name(f"{path.name}.{os.getpid()}.part")
+    if path.is_dir():  # told before the work, which may take minutes
+        raise UserError(f"{path} cannot be written (it is a folder); {advice}")
     try:
         yield part
         part.replace(path)

@@ -117,8 +117,14 @@ def needed_torque(
         where: the model's name, for the errors' sentences.
 
     Raises:
-        UserError: the model cannot say (no lever, another cable, parameters that switch with the region).
+        UserError: the force is above the rig's limit, or the model cannot say (no lever, another cable,
+            parameters that switch with the region).
     """
+    most, limit = float(wanted.force.max()), rig.limits.force
+    if most > limit:  # the pose is a line of the force: out there it is nonsense
+        raise UserError(
+            f"The wanted force reaches {most:.3g} N; the rig's limit is {limit:.3g} N: ask for less."
+        )
     zero = np.zeros_like(wanted.time)
     motion = pose.motion(rig, wanted.time, wanted.force, zero)
     if isinstance(predictor, ParameterSet):
@@ -241,9 +247,10 @@ def solved_torque(
     missing = newton * float(np.max(np.nan_to_num(np.abs(force - now)[first:], nan=np.inf)))
     if missing < missed_n:
         return torque, slope
+    far = f" ({missing:.2g} N are missing)" if np.isfinite(missing) else ""
     raise UserError(
-        f"By {where} no torque was found whose force is the wanted one to {newton * CLOSE_N:g} N "
-        f"({missing:.3g} N are missing); choose a smaller or slower force."
+        f"By {where} no torque was found that presses with the wanted force{far}; choose a smaller or slower "
+        "force."
     )
 
 
@@ -281,16 +288,12 @@ def _beyond(
             f"{significant(wanted.force[worst])} N need {amount(torque[worst], 'N m', 4)}; the rig's limits "
             f"of torque and current allow {amount(most, 'N m', 4)}."
         )
-    if torque.min() < 0.0:
+    elif torque.min() < 0.0:
         at = int(np.argmin(torque))
+        more = "ask for more force, or " if _more_helps(wanted.force, torque) else "choose "
+        pushed = amount(torque[at], "N m")
         found.append(
-            f"{significant(wanted.force[at])} N would need a cable that pushes "
-            f"({amount(torque[at], 'N m')}); ask for more force, or another pose."
-        )
-    if wanted.force.max() > limits.force:
-        found.append(
-            f"The wanted force reaches {significant(wanted.force.max())} N; the rig's limit is "
-            f"{significant(limits.force)} N."
+            f"{significant(wanted.force[at])} N would need a cable that pushes ({pushed}); {more}another pose."
         )
     rise = float(np.abs(np.gradient(torque, 1.0 / WIDE_RATE_HZ)).max()) / motion.radius
     if rise > limits.tension_rise:
@@ -307,6 +310,12 @@ def _beyond(
             f"{np.degrees(limits.position_low):.3g}° to {np.degrees(limits.position_high):.3g}°."
         )
     return tuple(found)
+
+
+def _more_helps(force: Array, torque: Array) -> bool:
+    """Whether the cable pulls the more, the harder the fingertip is to press."""
+    hard = force >= 0.5 * (force.min() + force.max())
+    return bool(torque[hard].mean() >= torque[~hard].mean()) if not hard.all() else True
 
 
 TOUCHING_LEAST_N = 0.05

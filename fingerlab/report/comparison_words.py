@@ -387,7 +387,7 @@ def outcome_sentences(lines: Sequence[ComparedQuantity]) -> tuple[str, str]:
     outside = [line.published.title for line in lines if line.outside]
     compared = sum(line.outside is not None for line in lines)
     within = f"{compared - len(outside)} of {compared} within the published spread"
-    marked = f"; outside, marked *: {', '.join(outside)}." if outside else "."
+    marked = f"; outside, marked *: {'; '.join(outside)}." if outside else "."
     return within + marked, (
         "Spread in brackets: the thesis prints none, and a tolerance of ours holds in its place (its reason "
         "is in the JSON)."

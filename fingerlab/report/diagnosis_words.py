@@ -179,10 +179,18 @@ def _verdict_sentence(diagnosis: Diagnosis) -> str:
     model, score = model_words(diagnosis.model), score_text(diagnosis.score)
     error = f"its error on {judged_on(diagnosis)} is {score} times {_floor(diagnosis)}"
     if diagnosis.better is not None:
-        return f"{better_sentence(diagnosis)} It is {_likelier(diagnosis.better.log_odds)}."
+        judged = rival(diagnosis)
+        chance = f"{percent(judged.probability)} probable, and " if judged is not None else ""
+        return f"{better_sentence(diagnosis)} It is {chance}{_likelier(diagnosis.better.log_odds)}."
     if diagnosis.verdict == "nothing_missing":
         more = "Nothing more" if diagnosis.model else "Nothing"
         chance = percent(diagnosis.probability_nothing)
+        hider = could_hide(diagnosis)
+        if hider is not None:
+            return (
+                f"No effect is shown to be missing from {model}, but {in_sentence(hider.title)} could hide "
+                f"({percent(hider.probability)} probable, that nothing is missing {chance}): {error}."
+            )
         if not holds(diagnosis):
             return f"No effect is shown to be missing from {model} ({chance} probable), although {error}."
         seen = " that these data could show" if not_shown(diagnosis) else ""
@@ -224,6 +232,14 @@ def improbable_rivals(diagnosis: Diagnosis) -> tuple[str, ...]:
     return tuple(name for name in diagnosis.set if name not in indistinguishable(diagnosis))
 
 
+def could_hide(diagnosis: Diagnosis) -> Candidate | None:
+    """Where nothing is missing: the likeliest effect, if it is likelier than that; None where it is not."""
+    if diagnosis.verdict != "nothing_missing" or not diagnosis.candidates:
+        return None
+    likeliest = max(diagnosis.candidates, key=lambda one: one.probability)
+    return likeliest if likeliest.probability > diagnosis.probability_nothing else None
+
+
 def holds(diagnosis: Diagnosis) -> bool:
     """Whether the model as given is all that these recordings call for, and leaves what a bench leaves."""
     return diagnosis.verdict == "nothing_missing" and diagnosis.score <= UNEXPLAINED
@@ -232,6 +248,23 @@ def holds(diagnosis: Diagnosis) -> bool:
 def rivalled(diagnosis: Diagnosis) -> bool:
     """Whether a model with an effect exchanged is nearly as likely as the model as given."""
     return any(one.log_odds > -NEARLY_AS_LIKELY for one in diagnosis.as_good)
+
+
+def rival(diagnosis: Diagnosis) -> Candidate | None:
+    """The candidate that makes the better model; None where there is no such one among the candidates."""
+    other = diagnosis.better
+    if other is None:
+        return None
+    made = set(other.removed), set(other.added)
+    return next((c for c in diagnosis.candidates if (set(c.replaces), {c.effect}) == made), None)
+
+
+def better_chance(diagnosis: Diagnosis) -> float:
+    """Probability of the better model: as the table tells it, else by its odds against the model as given."""
+    judged = rival(diagnosis)
+    if judged is not None:
+        return judged.probability
+    return 1.0 / (1.0 + exp(-diagnosis.better.log_odds)) if diagnosis.better is not None else 0.0
 
 
 def exchange_words(other: OtherModel) -> str:

@@ -36,6 +36,9 @@ ASIDE_WORDS = {
 }
 """Why a moment is left aside, in as few words as it can be said."""
 
+WEIGHED_LESS = ("standstill",)
+"""Of these, what is judged all the same, only less."""
+
 ASIDE_HELP = {
     "ramp": "The start-up of a run, and the edges of filters and gaps: no equation is judged there.",
     "slack": "The cable may hang loose: its length counts by 0.1 mm there, or not at all.",

@@ -38,6 +38,8 @@ UNTOLD = "not_told"
 DIVISORS = ("torque_constant", "gear_ratio", "pulley_radius")
 """Constants that are divided by."""
 
+SECTIONS = ("finger", "motor", "daq", "limits")
+"""What a rig file tells of a bench; a file with none of them is no rig file."""
 DEFAULT_TOLERANCE = 0.02
 """Relative tolerance of a rig constant that the file says nothing about (session format, version 1)."""
 
@@ -304,10 +306,16 @@ def load_rig(path: str | Path) -> Rig:
     """Read a rig file.
 
     Raises:
-        UserError: the file is missing, is not TOML, or a constant is missing, unknown, in a wrong unit
-            or not a finite number.
+        UserError: the file is missing, is not TOML, holds no section of a rig, or a constant is missing,
+            unknown, in a wrong unit or not a finite number.
     """
-    return parse_rig(read_text(Path(path), "the TOML file of a rig"), str(path))
+    rig = parse_rig(text := read_text(Path(path), "the TOML file of a rig"), str(path))
+    if not set(SECTIONS) & set(read_object(text, str(path), "", toml=True)):
+        raise UserError(  # else an empty file would pass for a bench without emergency stop and amplifier
+            f"{path} says nothing of a rig; it should hold the section [finger] or [motor] of its constants, "
+            "or [daq] or [limits], as a copy of the default rig does."
+        )
+    return rig
 
 
 def parse_rig(text: str, where: str) -> Rig:

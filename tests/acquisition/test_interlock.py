@@ -225,6 +225,8 @@ def test_what_changes_is_told_in_words_with_its_time() -> None:
     at = bench.board[Slot.LINES_AT]
     now = status(bench)
     told = {notice.kind: notice.sentence for notice in notices(before, now, 1000.0)}
+    assert [one.grave for one in notices(before, now, 1000.0) if one.kind is Kind.LINE] == [True]
+    assert [one.grave for one in notices(now, before, 1000.0) if one.kind is Kind.LINE] == [False]  # released
     assert told[Kind.LINE] == f"The emergency stop was pressed at {at / 1000:.3f} s of the bench's time."
     assert "emergency stop was pressed" in told[Kind.STOPPED]
     assert line_words(now)["emergency stop"] == "pressed"

@@ -12,7 +12,7 @@ import pytest
 from click.testing import CliRunner
 
 from fingerlab.cli.simulate import replicate
-from fingerlab.report.comparison_words import TOLERANCES, compare
+from fingerlab.report.comparison_words import TOLERANCES, compare, outcome_sentences
 from fingerlab.thesis.analysis import PUBLISHED, PublishedQuantity
 
 
@@ -63,6 +63,13 @@ def quantity(key: str, *runs: float) -> PublishedQuantity:
 def test_a_number_outside_the_published_spread_is_marked(key: str, ours: float, outside: bool | None) -> None:
     line = next(line for line in compare([[quantity(key, ours)]]) if line.published.key == key)
     assert line.outside is outside
+
+
+def test_names_of_quantities_that_hold_commas_are_told_apart() -> None:
+    far = [line for line in compare([[quantity(p.key, 1e6) for p in PUBLISHED]]) if line.outside]
+    names = [line.published.title for line in far]
+    assert sum("," in name for name in names) > 1
+    assert outcome_sentences(far)[0].split("marked *: ")[1] == "; ".join(names) + "."
 
 
 def test_runs_of_several_benches_count_together() -> None:

@@ -48,5 +48,5 @@ def test_a_torque_is_found_beside_a_kink_and_not_where_nothing_presses() -> None
     wished = np.linspace(0.1, 1.5, 50)
     torque, _ = solved_torque(force, wished, "M.json", 1.0)
     assert force(torque) == pytest.approx(wished, abs=1e-4)
-    with pytest.raises(UserError, match="no torque"):
+    with pytest.raises(UserError, match=r"presses with the wanted force \(0\.5 N are missing\)"):
         solved_torque(lambda torque: np.minimum(10.0 * torque, 1.0), wished, "M.json", 1.0)

@@ -137,7 +137,6 @@ def test_a_force_far_beyond_the_recorded_ones_is_told_and_its_interval_widens() 
 @pytest.mark.parametrize(
     ("wish", "rig", "words"),
     [
-        ({"mean_n": 12.0}, {"force": 10.0}, "reaches 12.9 N; the rig's limit is 10 N"),
         ({"mean_n": 7.0}, {"torque": 0.3}, "allow 285 mN m"),
         ({"mean_n": 7.0}, {"current": 1.0}, "allow 123.4 mN m"),
         ({"frequency_hz": 40.0}, {"tension_rise": 300.0}, "limit is 300 N/s"),
@@ -151,10 +150,20 @@ def test_limits_are_told_in_a_sentence(wish: dict[str, float], rig: dict[str, fl
         plan.trajectory()
 
 
+@pytest.mark.parametrize("predictor", [fitted, variant])
+def test_a_force_above_the_rigs_limit_is_refused_before_a_torque_is_asked_for(predictor: Any) -> None:
+    """Out there the pose, a straight line of the force, gives -5 N m, and a torque that no secant finds."""
+    for wish in ({"mean_n": 40.0}, {"mean_n": 20.0, "amplitude_n": 20.0}):
+        wanted, pose = wanted_force(SINE | wish), pose_by_hand(MCP, PIP)
+        with pytest.raises(UserError, match=r"reaches 40(\.9)? N; the rig's limit is 10 N: ask for less\.$"):
+            needed_torque(wanted, predictor(), pose, RIG, "M")
+
+
 def test_a_cable_cannot_push() -> None:
     weak = {**SINE, "mean_n": 0.1, "amplitude_n": 0.1}
     plan = needed_torque(wanted_force(weak), fitted(), pose_by_hand(-0.5, -0.6), RIG, "M")
     assert "push" in plan.beyond[0]
+    assert plan.beyond[0].endswith("ask for more force, or another pose.")
 
 
 def test_the_trajectory_begins_softly_at_nothing() -> None:
@@ -272,6 +281,9 @@ def test_the_command_says_what_is_wrong(practised: tuple[Path, Path]) -> None:
     common = ("inverse", str(session), "--model", str(model), "--wanted", json.dumps(SINE))
     with pytest.raises(UserError, match="no contact run '009'; it has 003, 004, 005"):
         call(*common, "--run", "009")
+    too_much = (*common[:4], "--wanted", json.dumps({**SINE, "mean_n": 40.0}))
+    with pytest.raises(UserError, match=r"reaches 40\.9 N; the rig's limit is 10 N"):
+        call(*too_much, "--run", "004")
     with pytest.raises(UserError, match="no predictor 'best'"):
         call(*common, "--parameters", "best")
     text = call(*common, "--run", "004").stdout

@@ -88,3 +88,13 @@ def test_a_missing_rig_file(tmp_path):
     (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(UserError, match="not text in UTF-8"):
         load_rig(tmp_path / "binary.toml")
+
+
+@pytest.mark.parametrize("text", ["", "# only a remark\n", 'title = "bench"\n[tolerance]\ninertia = 0.2\n'])
+def test_a_file_that_says_nothing_of_a_rig_is_refused(tmp_path, text):
+    path = tmp_path / "empty.toml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(UserError, match=r"empty\.toml says nothing of a rig; it should hold .*\[motor\]"):
+        load_rig(path)
+    path.write_text(text + "\n[daq.dead_man]\nterminal = 'port0/line1'\n", encoding="utf-8")
+    assert load_rig(path).daq.dead_man is not None  # wiring alone is a rig file

@@ -86,7 +86,8 @@ def menus(window: MainWindow) -> Iterator[Surface]:
             inner = action.menu()
             if isinstance(inner, QMenu):
                 words = f"Menu {name} > {action.text().replace('&', '')}"
-                yield Surface(words, (show, _submenu(menu, action)))
+                page = window.current if menu is window.menus.tab_menu else "acquire"
+                yield Surface(words, (show, _submenu(menu, action.text())), page=page)
     for button in window.findChildren(QWidget):
         if isinstance(button, (QPushButton, QToolButton)) and button.menu() is not None:
             key = tab_of(window, button)
@@ -109,9 +110,13 @@ def _menu_of_bar(top: Any) -> Step:
     return lambda s: s.window.menuBar().setActiveAction(top)
 
 
-def _submenu(menu: QMenu, action: Any) -> Step:
+def _submenu(menu: QMenu, words: str) -> Step:
+    """By its words: a tab's menu is made anew whenever the tab comes to the front."""
+
     def open_it(stage: Stage) -> None:
+        action = next(one for one in menu.actions() if one.text() == words)
         inner = action.menu()
+        assert isinstance(inner, QMenu)
         inner.popup(menu.mapToGlobal(menu.actionGeometry(action).topRight()))
 
     return open_it

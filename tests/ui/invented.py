@@ -236,6 +236,16 @@ def unseen_diagnosis(session: str) -> Diagnosis:
     )
 
 
+def hiding_diagnosis(session: str) -> Diagnosis:
+    """Nothing is shown to be missing, and yet an effect is likelier than that."""
+    unseen = unseen_diagnosis(session)
+    first, second, *rest = unseen.candidates
+    likely = replace(second, probability=0.68)
+    return replace(
+        unseen, candidates=(first, likely, *rest), probability_nothing=0.2, probability_unknown=0.04
+    )
+
+
 def invented_trial() -> Trial:
     """Two runs of each model: the nominal one misses a tenth of the force, the found one a hundredth."""
     time = np.arange(0.1, 7.9, 0.004)

@@ -14,7 +14,6 @@ from PySide6.QtWidgets import (
     QLabel,
     QLineEdit,
     QPushButton,
-    QStackedWidget,
     QWidget,
 )
 
@@ -37,7 +36,7 @@ from ..widgets.fields import (
     set_shown,
     set_usable,
 )
-from ..widgets.layout import FLUSH, described, hbox, vbox
+from ..widgets.layout import FLUSH, Pages, described, hbox, vbox
 from ..widgets.tables import ElidedLabel, heading, remark
 from .bench_controller import BenchController
 from .bench_setup import LOADED_PHASE, cable_refusal
@@ -117,7 +116,7 @@ class AcquirePanel(QWidget):
         self.setAttribute(Qt.WidgetAttribute.WA_StyledBackground)
         self.setFixedWidth(WIDTH)
         self._controller, self._recording = controller, recording
-        self.pages = QStackedWidget()
+        self.pages = Pages()
         self._make_bench(actions)
         self._make_motion(actions)
         self._make_recording(actions)
@@ -193,7 +192,7 @@ class AcquirePanel(QWidget):
             button.setCheckable(True)
             button.setObjectName("byProtocol" if number_ else "byHand")
             button.setToolTip(MOTIONS[number_])
-            button.clicked.connect(lambda _checked=False, page=number_: self.pages.setCurrentIndex(page))
+            button.clicked.connect(lambda _checked=False, page=number_: self.pages.show_page(page))
             group.addButton(button)
         self.by_hand.setChecked(True)
         self.motion, self.protocol = MotionForm(), ProtocolForm()
@@ -236,7 +235,7 @@ class AcquirePanel(QWidget):
                 else:
                     layout.addLayout(entry)
             layout.addStretch(1)
-            self.pages.addWidget(page)
+            self.pages.add(page)
         self._motion: tuple[QWidget | QHBoxLayout, ...] = (
             hbox(None, heading("Motion"), 8, (self.by_hand, 1), (self.by_protocol, 1), spacing=8),
             self.pages,

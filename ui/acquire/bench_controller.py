@@ -51,6 +51,10 @@ _LIGHTS: dict[Mode, Light] = {
 }
 
 
+PLAIN = (Kind.LOST, Kind.RUN, Kind.LINE)
+"""What is told in the status line alone where it is not grave."""
+
+
 class BenchController(QObject):
     """One bench at a time.
 
@@ -85,6 +89,7 @@ class BenchController(QObject):
         self._cycles = CycleTimes(1000.0)
         self.worker = Worker(self)
         self._opener = opener
+        self._arriving: OpenBench | None = None  # opened off the GUI thread, not yet shown in it
         self._reader: RingReader | None = None
         self._seen: Status | None = None
         self.numbers_due = True
@@ -109,7 +114,8 @@ class BenchController(QObject):
         def work() -> OpenBench:
             if before is not None:
                 before.close()
-            return self._opener(wanted)
+            self._arriving = opened = self._opener(wanted)
+            return opened
 
         self.call("Connecting", work, self._on_opened)
         self.changed.emit()
@@ -127,10 +133,13 @@ class BenchController(QObject):
         bench, self.bench = self.bench, None
         self._let_go()
         self.worker.shut_down(finish=True)
-        if bench is not None:
-            bench.close()
+        arrived, self._arriving = self._arriving, None  # the window was closed while it connected
+        for one in (bench, arrived.bench if arrived is not None else None):
+            if one is not None:
+                one.close()
 
     def _on_opened(self, opened: OpenBench) -> None:
+        self._arriving = None
         self.opened, self.bench = opened, opened.bench
         self.history = LiveHistory((*SHOWN, *MODELLED), opened.bench.rate_hz)
         self._cycles = CycleTimes(opened.bench.rate_hz)
@@ -367,16 +376,22 @@ class BenchController(QObject):
         if before is None or self.bench is None:
             return
         for notice in notices(before, now, self.bench.rate_hz):
-            if notice.kind in (Kind.LOST, Kind.RUN) and not notice.grave:
+            # In a check a hand tries the lines and the stop, and the page says what came of it.
+            asked = self._checks and notice.kind in (Kind.LINE, Kind.STOPPED)
+            if notice.kind is not Kind.STOPPED and (asked or (notice.kind in PLAIN and not notice.grave)):
                 self.context.say(notice.sentence)
                 continue
             if notice.kind is Kind.STOPPED:
                 if notice.grave:
-                    self.context.tell(notice.sentence)
+                    (self.context.say if asked else self.context.tell)(notice.sentence)
                 self.stopped.emit(notice.sentence)
                 continue
             self.context.tell(notice.sentence)
             self.warned.emit(notice.sentence)
+
+    @property
+    def _checks(self) -> bool:
+        return self.opened is not None and self.opened.to_check is not None
 
     def _on_failed(self, failed: Failed) -> None:
         self.context.tell(failed.sentence, failed.details)

@@ -123,12 +123,13 @@ class Canvas(QWidget):
         return QRect(left, area.top(), math.ceil((stop - start) / ratio) + 4, area.height()) & area
 
     def _moving(self) -> QRegion:
-        """What changes when time goes on: the curves, and the times below."""
+        """What changes when time goes on: the curves, the notes above and the times below."""
         area = self.area
+        moving = QRegion(area.adjusted(0, TOP - area.top(), RIGHT, 0))
         if not self.time_axis:
-            return QRegion(area)
+            return moving
         below = QRect(area.left() - 40, area.bottom() + 1, self.width(), self.height())
-        return QRegion(area) + QRegion(below & self.rect())
+        return moving + QRegion(below & self.rect())
 
     # places
 
@@ -136,7 +137,8 @@ class Canvas(QWidget):
     def area(self) -> QRect:
         """Where curves are drawn."""
         below = 2 * self._metrics.height() + 4 if self.time_axis else 4
-        return QRect(LEFT, TOP, self.width() - LEFT - RIGHT, max(self.height() - TOP - below, 1))
+        top = TOP + (self._metrics.height() if self.notes and self.marks else 0)  # notes stand above curves
+        return QRect(LEFT, top, self.width() - LEFT - RIGHT, max(self.height() - top - below, 1))
 
     def x_of(self, time: float) -> float:
         """Pixel of a time."""
@@ -168,6 +170,8 @@ class Canvas(QWidget):
             for line in self.lines:
                 self._paint_line(painter, area, line, QColor(getattr(colours, line.role)))
         self._paint_marks(painter, area, colours)
+        if self.notes and self.marks:
+            self._paint_notes(painter, area, colours)
         painter.end()
 
     def _is_screen(self, painter: QPainter) -> bool:
@@ -257,15 +261,23 @@ class Canvas(QWidget):
             else:
                 painter.drawPolyline(polygon(x[start:stop], y[start:stop]))
 
+    def _paint_notes(self, painter: QPainter, area: QRect, colours: Colours) -> None:
+        """Above the curves, each from its line to the next."""
+        painter.setClipRect(area.adjusted(0, TOP - area.top(), RIGHT, 0))
+        painter.setPen(QColor(colours.text))
+        ends = [round(self.x_of(time)) for time, _ in self.marks[1:]] + [area.right() + RIGHT]
+        for (time, note), end in zip(self.marks, ends, strict=True):
+            x, end = round(self.x_of(time)), min(end, area.right() + RIGHT)
+            if area.left() <= x <= area.right():
+                text = self._metrics.elidedText(note, Qt.TextElideMode.ElideRight, max(end - x - 4, 0))
+                painter.drawText(x, area.top() - self._metrics.descent() - 1, text)
+
     def _paint_marks(self, painter: QPainter, area: QRect, colours: Colours) -> None:
-        for time, note in self.marks:
+        for time, _ in self.marks:
             x = round(self.x_of(time))
             if area.left() <= x <= area.right():
                 painter.setPen(QPen(QColor(colours.muted), 1, Qt.PenStyle.DashLine))
                 painter.drawLine(x, area.top(), x, area.bottom())
-                if self.notes:
-                    painter.setPen(QColor(colours.text))
-                    painter.drawText(x + 4, area.top() + self._metrics.ascent(), note)
         for number, time in enumerate(self.cursors or ()):
             x = round(self.x_of(time))
             style = Qt.PenStyle.DashLine if number else Qt.PenStyle.SolidLine

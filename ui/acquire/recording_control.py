@@ -416,7 +416,6 @@ class RecordingControl(QObject):
         context.settings.set_recordings(path.parent)
         context.settings.set_under_way(None)
         if ending.whole:
-            context.say(f"Written and verified: {path}")
             context.recorded(path)
             self.written.emit(path)
         else:

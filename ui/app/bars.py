@@ -5,9 +5,18 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from PySide6.QtCore import QSize, Qt, Signal
+from PySide6.QtCore import QSize, Qt, QTimer, Signal
 from PySide6.QtGui import QColor, QGuiApplication, QPainter, QPaintEvent
-from PySide6.QtWidgets import QFrame, QLabel, QProgressBar, QPushButton, QSizePolicy, QStackedWidget, QWidget
+from PySide6.QtWidgets import (
+    QApplication,
+    QFrame,
+    QLabel,
+    QProgressBar,
+    QPushButton,
+    QSizePolicy,
+    QStackedWidget,
+    QWidget,
+)
 
 from fingerlab.core.text import grouped
 
@@ -129,11 +138,14 @@ KINDS = {"done": ("✓", "Done"), "trouble": ("⚠", "Attention")}
 class MessageBar(QFrame):
     """Hidden until there is something to say; stays until it is dismissed or replaced.
 
+    That something was written goes by itself after ``GOES_AFTER_MS``, but not from under pointer or focus.
+
     Its room at the bottom of the window is kept, so that nothing moves when it comes or goes.
     Signal ``open_asked(path)``: what was written is to be opened.
     """
 
     LINES = 2
+    GOES_AFTER_MS = 20_000
     open_asked = Signal(object)
 
     def __init__(self, parent: QWidget | None = None) -> None:
@@ -157,6 +169,9 @@ class MessageBar(QFrame):
         hbox(self, *entries, margins=(16, 1, 8, 1), spacing=8)
         self._details = ""
         self._path: object = None
+        self._goes = QTimer(self)
+        self._goes.setSingleShot(True)
+        self._goes.timeout.connect(self._go)
         self.hide()
 
     def tell(self, sentence: str, details: str = "") -> None:
@@ -182,7 +197,17 @@ class MessageBar(QFrame):
         self.setAccessibleDescription(f"{words}: {sentence}")
         self.copy.setVisible(bool(self._details))
         self.open.setVisible(self._path is not None)
+        self._goes.stop()
+        if self._path is not None:
+            self._goes.start(self.GOES_AFTER_MS)
         self.show()
+
+    def _go(self) -> None:
+        focus = QApplication.focusWidget()
+        if self.underMouse() or (focus is not None and self.isAncestorOf(focus)):
+            self._goes.start(self.GOES_AFTER_MS)
+        else:
+            self.hide()
 
     def take_back(self, sentence: str) -> None:
         """Hide it where it still says this, which does not hold any more."""

@@ -43,7 +43,7 @@ from PySide6.QtWidgets import (
 
 from fingerlab.report import documents
 
-from ..widgets.layout import FLUSH, Spacer, described, hbox, vbox
+from ..widgets.layout import FLUSH, Spacer, described, hbox, resize_on_screen, vbox
 from ..widgets.theme import colours_of
 
 WIDTH, HEIGHT, CONTENTS_WIDTH = 1080, 720, 260
@@ -244,7 +244,7 @@ class Documents(QDialog):
         panes.setSizes([CONTENTS_WIDTH, WIDTH - CONTENTS_WIDTH])
         panes.setStretchFactor(1, 1)
         vbox(self, panes, margins=(8, 8, 8, 8))
-        self.resize(WIDTH, HEIGHT)
+        resize_on_screen(self, WIDTH, HEIGHT)
         self._fill()
         self.wanted.textChanged.connect(self._search)
         self.contents.currentItemChanged.connect(self._on_chosen)

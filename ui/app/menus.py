@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -360,13 +360,18 @@ class Menus:
     def show_tab(self, title: str, tab: Tab) -> None:
         """Make the menu of the tab in front; the keys of the others do nothing now."""
         self.tab_menu.clear()
+        for inner in self.tab_menu.findChildren(QMenu):
+            inner.deleteLater()
+        menus: dict[str, QMenu] = {"": self.tab_menu}
         self.tab_menu.setTitle(with_mnemonic(title))
         self._entries = []
         for command in tab.commands:
             if not command.text:
                 self.tab_menu.addSeparator()
                 continue
-            action = self._action(self.tab_menu, command.text, command.keys, command.call)
+            if command.within not in menus:
+                menus[command.within] = self.tab_menu.addMenu(command.within)
+            action = self._action(menus[command.within], command.text, command.keys, command.call)
             action.setCheckable(command.checked is not None)
             self._entries.append((action, command))
         self.tab_menu.menuAction().setVisible(bool(self._entries))
@@ -394,7 +399,7 @@ class Menus:
             if isinstance(menu, QMenu) and top.isVisible():
                 found = [
                     (action.text().replace("&", "").rstrip("…"), action.shortcut().toString())
-                    for action in menu.actions()
+                    for action in _entries_of(menu)
                     if not action.shortcut().isEmpty()
                 ]
                 if found:
@@ -408,3 +413,13 @@ class Menus:
             if found:
                 sheet.append((title, found))
         return sheet
+
+
+def _entries_of(menu: QMenu) -> Iterator[QAction]:
+    """Entries of a menu and of those in it."""
+    for action in menu.actions():
+        inner = action.menu()
+        if isinstance(inner, QMenu):
+            yield from _entries_of(inner)
+        else:
+            yield action

@@ -41,6 +41,7 @@ class Command:
         call: called without arguments. keys: such as ``Ctrl+Return``; works only while the tab is shown.
         enabled: asked before the menu opens and after :attr:`ApplicationContext.commands_changed`.
         checked: for an entry that is on or off: asked like ``enabled``; None for an ordinary one.
+        within: title of the menu inside the tab's menu where it stands; empty where it stands in that itself.
     """
 
     text: str
@@ -48,6 +49,7 @@ class Command:
     keys: str | QKeySequence.StandardKey | None = None
     enabled: Callable[[], bool] = _always
     checked: Callable[[], bool] | None = None
+    within: str = ""
 
 
 SEPARATOR = Command("")

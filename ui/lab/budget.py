@@ -20,7 +20,7 @@ from fingerlab.report.budget_words import (
 )
 from fingerlab.report.diagnosis_words import FAMILY_TITLES, in_sentence
 
-from ..widgets.layout import described, hbox, vbox
+from ..widgets.layout import described, hbox, resize_on_screen, vbox
 from ..widgets.plots import QuietPlot
 from ..widgets.series import Series
 from ..widgets.tables import NumberTable, WholeLabel, remark
@@ -132,7 +132,7 @@ class BudgetDialog(QDialog):
         super().__init__(parent)
         self.setObjectName("errorBudget")
         self.setWindowTitle("What would mend the error – FingerLab")
-        self.resize(WIDTH, HEIGHT)
+        resize_on_screen(self, WIDTH, HEIGHT)
         self._budgets: Mapping[str, Budget] = {}
         self.words = described(WholeLabel(), "budgetWords", font=small_font())
         self.family = described(QComboBox(), "budgetFamily", accessible="Error of")

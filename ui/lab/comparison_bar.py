@@ -32,7 +32,7 @@ class LegendKey:
 
     words: str
     colour: str
-    style: Literal["solid", "dashed", "dotted", "points", "band", "tint", "hatch"] = "solid"
+    style: Literal["solid", "dashed", "dotted", "points", "band", "tint", "pale", "hatch"] = "solid"
 
 
 CURVES = (
@@ -42,6 +42,9 @@ CURVES = (
     LegendKey("floor", "floor", "band"),
 )
 ASIDE = (LegendKey("left aside", "muted", "hatch"),)
+WEIGHED = (LegendKey("weighed less", "muted", "pale"),)
+WEIGHED_TINT = 0.14
+"""Paler than a place that is looked at, and without strokes: it counts, only less."""
 FULL_RATE = (LegendKey("as recorded", "muted"),)
 FULL_RATE_HELP = (
     "As recorded, at its full rate: the channel behind what was measured, times arm, radius or gain. The "
@@ -63,6 +66,9 @@ WHERE = (
 )
 LOOK_ALIKES = (*FINGERPRINT[:2], LegendKey("look-alikes", "alike", "dotted"), *FINGERPRINT[2:])
 RESIDUAL_ONLY = tuple(key for key in FINGERPRINT if key.colour != "candidate")
+
+
+TINTS = {"band": 0.35, "tint": 0.3, "pale": WEIGHED_TINT}
 
 
 class LegendKeys(QWidget):
@@ -135,8 +141,8 @@ class LegendKeys(QWidget):
     def _paint_sample(self, painter: QPainter, room: QRectF, key: LegendKey, colours: Colours) -> None:
         colour = getattr(colours, key.colour)
         middle = room.center().y()
-        if key.style in ("band", "tint"):
-            alpha = 0.35 if key.style == "band" else 0.3
+        if key.style in TINTS:
+            alpha = TINTS[key.style]
             painter.fillRect(QRectF(room.left(), middle - 5, room.width(), 10), tint(colour, alpha))
         elif key.style == "hatch":
             brush = QBrush(tint(colour, 0.5), Qt.BrushStyle.BDiagPattern)
@@ -164,6 +170,7 @@ class LegendRow(QWidget):
         super().__init__(parent)
         self.stretch_key = LegendKeys(WORST)
         self.aside = described(LegendKeys(ASIDE), "asideKey")
+        self.weighed = described(LegendKeys(WEIGHED), "weighedKey")
         self.recorded = described(LegendKeys(FULL_RATE), "recordedKey", tip=FULL_RATE_HELP)
         self.recorded.hide()
         self._is_recorded = False
@@ -181,6 +188,7 @@ class LegendRow(QWidget):
         layout.addSpacing(8)
         layout.addWidget(self.recorded)
         layout.addWidget(self.aside)
+        layout.addWidget(self.weighed)
         layout.addWidget(self.stretch_key)
         layout.addWidget(self.stretch, 1)
         layout.addWidget(self.values, 1)
@@ -197,7 +205,8 @@ class LegendRow(QWidget):
         self.values.setVisible(reads)  # its room is the others' while nothing is read
         self.stretch.setVisible(not reads)
         self.stretch_key.setVisible(not reads and bool(self.stretch.text()))
-        self.aside.setVisible(not reads and bool(self.aside.accessibleDescription()))
+        for key in (self.aside, self.weighed):
+            key.setVisible(not reads and bool(key.accessibleDescription()))
         self.recorded.setVisible(not reads and self._is_recorded)
         letters = QFontMetrics(small_font())
         needed = letters.horizontalAdvance(wordings[-1]) + 24 if reads else 0
@@ -211,11 +220,15 @@ class LegendRow(QWidget):
         """Name the place that the user chose, which is tinted."""
         self._name(text, CHOSEN)
 
-    def name_aside(self, text: str) -> None:
-        """Say what is shaded because it is left aside; empty where nothing is."""
-        self.aside.setVisible(bool(text))
-        self.aside.setToolTip(f"Left aside of this run: {text}." if text else "")
-        self.aside.setAccessibleDescription(text)
+    def name_aside(self, left: str, weighed: str) -> None:
+        """What is hatched for it is left aside, and pale for it weighs less; each empty for nothing."""
+        for key, text, words in (
+            (self.aside, left, "Left aside of this run"),
+            (self.weighed, weighed, "Weighed less in this run"),
+        ):
+            key.setVisible(bool(text))
+            key.setToolTip(f"{words}: {text}." if text else "")
+            key.setAccessibleDescription(text)
 
     def name_recorded(self, there: bool) -> None:
         """Say what the thin curve is, where it is there."""

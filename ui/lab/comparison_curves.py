@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fingerlab.core.text import ScreenUnit, decimals_for, fixed, screen_unit
-from fingerlab.diagnosis.answer.results import Comparison
-from fingerlab.report.score_words import ASIDE_WORDS, aside_text
+from fingerlab.diagnosis.answer.results import Comparison, ExcludedInterval
+from fingerlab.report.score_words import ASIDE_WORDS, WEIGHED_LESS, aside_text
 from fingerlab.sessions.model import Array
 
 from .result_words import equation_text
@@ -116,11 +116,17 @@ def ends(comparison: Comparison) -> tuple[float, float]:
     return start, max([float(time[-1]), *(one.stop for one in aside)])
 
 
-def aside_words(comparison: Comparison) -> str:
-    """What is left aside of a run, with its share of it; empty where nothing is."""
+def stretches_of(comparison: Comparison | None, weighed: bool) -> tuple[ExcludedInterval, ...]:
+    """What is weighed less in a run, or what is left aside of it."""
+    aside = comparison.aside if comparison is not None else ()
+    return tuple(one for one in aside if (one.reason in WEIGHED_LESS) is weighed)
+
+
+def aside_words(comparison: Comparison, weighed: bool = False) -> str:
+    """What is left aside of a run, or ``weighed`` less, with its share of it; empty where nothing is."""
     start, stop = ends(comparison)
     shares: dict[str, float] = {}
-    for one in comparison.aside:
+    for one in stretches_of(comparison, weighed):
         shares[one.reason] = shares.get(one.reason, 0.0) + (one.stop - one.start) / max(stop - start, 1e-9)
     return ", ".join(aside_text(name, share) for name, share in shares.items())
 

@@ -29,6 +29,7 @@ from ..widgets.plots import (
     prepare_plot,
 )
 from ..widgets.theme import colours_of, line, tint
+from .comparison_bar import WEIGHED_TINT
 from .comparison_curves import (
     MARGIN,
     ScaledComparison,
@@ -38,6 +39,7 @@ from .comparison_curves import (
     largest,
     limits,
     scaled,
+    stretches_of,
     values_at,
     values_between,
 )
@@ -58,13 +60,14 @@ class ComparisonPlot(pg.GraphicsLayoutWidget):
         stretch_named(text): the name of the tinted worst stretch, empty where none is tinted.
         place_named(text): the name of what is tinted in its place.
         recorded_named(on): whether the measured side is drawn as it was recorded, too.
-        aside_named(text): what is left aside of the run, with its share; empty where nothing is.
+        aside_named(left, weighed): what is left aside of the run, and what is weighed less in it, each
+            with its share; empty where nothing is.
     """
 
     pointed = Signal(object)
     stretch_named = Signal(str)
     place_named = Signal(str)
-    aside_named = Signal(str)
+    aside_named = Signal(str, str)
     recorded_named = Signal(bool)
 
     def __init__(self, parent: QWidget | None = None) -> None:
@@ -112,6 +115,7 @@ class ComparisonPlot(pg.GraphicsLayoutWidget):
         self.stretches = [pg.LinearRegionItem((0, 0), movable=False) for _ in range(2)]
         self.places = [Tints(), Tints()]
         self.aside = [Tints(hatched=True, name="left aside") for _ in range(2)]
+        self.weighed = [Tints(name="weighed less") for _ in range(2)]
         self.cursors = [Cursor(angle=90, movable=False) for _ in range(2)]
         for plot, stretch, cursor in zip((self.top, self.bottom), self.stretches, self.cursors, strict=True):
             stretch.setZValue(-20)
@@ -119,7 +123,7 @@ class ComparisonPlot(pg.GraphicsLayoutWidget):
             cursor.hide()
             plot.addItem(stretch, ignoreBounds=True)
             plot.addItem(cursor, ignoreBounds=True)
-        for tints in (self.places, self.aside):
+        for tints in (self.places, self.weighed, self.aside):
             for plot, places in zip((self.top, self.bottom), tints, strict=True):
                 plot.addItem(places, ignoreBounds=True)
         self.floor_band.setZValue(-10)
@@ -186,12 +190,16 @@ class ComparisonPlot(pg.GraphicsLayoutWidget):
         self.recorded_named.emit(there)
 
     def _show_aside(self) -> None:
-        """Shade what the equation is not judged by."""
+        """Hatch what the equation is not judged by, and tint what it is judged by the less."""
         comparison = self.comparison
-        left = comparison.aside if comparison is not None else ()
-        for tints in self.aside:
-            tints.show_stretches([(one.start, one.stop) for one in left])
-        self.aside_named.emit(aside_words(comparison) if comparison is not None else "")
+        for both, weighed in ((self.aside, False), (self.weighed, True)):
+            found = [(one.start, one.stop) for one in stretches_of(comparison, weighed)]
+            for tints in both:
+                tints.show_stretches(found)
+        words = [
+            aside_words(comparison, weighed) if comparison is not None else "" for weighed in (False, True)
+        ]
+        self.aside_named.emit(*words)
 
     def _label_axes(self) -> None:
         shown = self._shown
@@ -304,6 +312,8 @@ class ComparisonPlot(pg.GraphicsLayoutWidget):
             places.set_colour(tint(colours.residual, 0.18))
         for left in self.aside:
             left.set_colour(tint(colours.muted, 0.4))
+        for weighed in self.weighed:
+            weighed.set_colour(tint(colours.muted, WEIGHED_TINT))
         for edge in (*self.floor_band.lines, *(e for s in self.stretches for e in s.lines)):
             edge.setPen(pg.mkPen(None))
         for cursor in self.cursors:

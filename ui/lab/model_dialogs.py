@@ -38,7 +38,7 @@ from fingerlab.report.score_words import (
 )
 from fingerlab.sessions.model import Array
 
-from ..widgets.layout import described, hbox, vbox
+from ..widgets.layout import described, hbox, resize_on_screen, vbox
 from ..widgets.plots import QuietPlot, plain_curve, span_of
 from ..widgets.series import Series
 from ..widgets.tables import NumberTable, WholeLabel, heading, remark
@@ -289,7 +289,7 @@ class SideBySideDialog(QDialog):
         super().__init__(parent)
         self.setObjectName("sideBySide")
         self.setWindowTitle("Models side by side – FingerLab")
-        self.resize(WIDTH, HEIGHT)
+        resize_on_screen(self, WIDTH, HEIGHT)
         self._models: Models = {}
         self._place = ("", "", "")
         self.choices = [described(QComboBox(), f"model{name}", accessible=f"Model {name}") for name in "AB"]

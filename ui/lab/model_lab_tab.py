@@ -117,6 +117,7 @@ class ModelLabTab(Tab):
                 lambda e=equation: self.view.bar.choose_equation(e),  # type: ignore[misc]
                 f"Alt+{number}",
                 lambda e=equation: e in self._equations(),  # type: ignore[misc]
+                within="E&quation",
             )
             for number, (equation, title) in enumerate(EQUATION_TITLES.items(), start=1)
         )

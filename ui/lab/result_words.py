@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import exp
 from typing import Any
 
 from fingerlab.core.text import NO_BREAK, decimals_for, fixed, percent, score_text, screen_unit
@@ -22,6 +21,8 @@ from fingerlab.report.diagnosis_words import (
     PHASE_WORDS,
     UNKNOWN_WORDS,
     alone,
+    better_chance,
+    could_hide,
     effect_title,
     exchange_words,
     held_sentence,
@@ -159,9 +160,13 @@ def verdict_headline(diagnosis: Diagnosis) -> str:
 
 def _verdict(diagnosis: Diagnosis) -> str:
     if diagnosis.better is not None:
-        chance = percent(1.0 / (1.0 + exp(-diagnosis.better.log_odds))).replace(" ", NO_BREAK)
+        chance = percent(better_chance(diagnosis)).replace(" ", NO_BREAK)
         return f"Rather {exchange_words(diagnosis.better)}, {chance}"
     if diagnosis.verdict == NOTHING:
+        hider = could_hide(diagnosis)
+        if hider is not None:
+            chance = percent(hider.probability).replace(" ", NO_BREAK)
+            return f"No effect is shown to be missing; {in_sentence(hider.title)} could hide, {chance}"
         seen = " that these data could show" if not_shown(diagnosis) else ""
         return f"{'Nothing more' if diagnosis.model else 'Nothing'} is missing{seen}"
     if diagnosis.verdict == UNKNOWN:
@@ -258,6 +263,8 @@ def _runs(diagnosis: Diagnosis) -> str:
 def _holds_words(diagnosis: Diagnosis) -> str:
     if alone(diagnosis):
         return "of this one run"
+    if could_hide(diagnosis) is not None:
+        return "perhaps, an effect could hide"
     return "yes, as far as seen" if not_shown(diagnosis) else "yes, on held-out runs"
 
 
@@ -270,6 +277,9 @@ def step_results(diagnosis: Diagnosis, history: ModelHistory) -> dict[str, str]:
         results["missing"] = f"{best.title} {percent(best.probability).replace(' ', NO_BREAK)}"
     elif diagnosis.verdict == UNKNOWN:
         results["missing"] = "not in the catalogue"
+    elif (hider := could_hide(diagnosis)) is not None:
+        chance = percent(hider.probability).replace(" ", NO_BREAK)
+        results["missing"] = f"none shown; {in_sentence(hider.title)} could hide, {chance}"
     else:
         seen = " that they could show" if not_shown(diagnosis) else ""
         results["missing"] = f"{'nothing more' if history.now.added else 'nothing'}{seen}"

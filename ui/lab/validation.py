@@ -19,6 +19,7 @@ from fingerlab.report.diagnosis_words import (
     PHASE_WORDS,
     alone,
     as_good_sentence,
+    could_hide,
     effect_title,
     holds,
     in_sentence,
@@ -183,6 +184,8 @@ class ValidationPanel(QWidget):
             self.title.setText("Perhaps true: another model is as good")
         elif holds(diagnosis) and alone(diagnosis):
             self.title.setText("True of this one run, which the fit has seen")
+        elif holds(diagnosis) and could_hide(diagnosis) is not None:
+            self.title.setText("Perhaps true: an effect could hide")
         elif holds(diagnosis):
             self.title.setText("True, as far as these recordings can show")
         elif diagnosis.verdict == NOTHING:
@@ -345,9 +348,8 @@ class ResultActions(QObject):
             from fingerlab.core.files import whole_file
             from fingerlab.models.file import write_model
 
-            model = fit(progress, cancelled)
             with whole_file(path) as part:  # the dialog has asked whether to replace what is there
-                write_model(model, part)
+                write_model(fit(progress, cancelled), part)
             return path
 
         self._context.tasks.start(

@@ -32,7 +32,7 @@ from fingerlab.report.diagnosis_words import PHASE_WORDS
 from fingerlab.sessions.model import CABLES, CHANNEL_UNITS, PHASES, Array
 
 from ..widgets.fields import NumberField, choice, set_usable
-from ..widgets.layout import Spacer, as_written, described, hbox, vbox
+from ..widgets.layout import Spacer, as_written, described, hbox, resize_on_screen, vbox
 from ..widgets.plots import DecimatedCurve, QuietPlot, span_of
 from ..widgets.tables import NumberTable, remark
 from ..widgets.theme import colours_of, tint
@@ -65,7 +65,7 @@ COLUMNS = (
     ("Column", "Title of the column, or its number."),
     ("Is", "The channel that it becomes; what is not used is left out."),
     ("Unit", "In which unit its numbers are."),
-    ("Turned round", "The sign is changed, for a sensor that counts the other way."),
+    ("Sign reversed", "The numbers are taken times −1, for a sensor that counts the other way."),
     ("First values", "As they stand in the file."),
 )
 SHOWN_VALUES = 3
@@ -125,7 +125,9 @@ class ColumnTable(NumberTable):
             channels = {UNUSED: "not used", **{k: TITLES.get(k, k) for k in (*CHANNEL_UNITS, *own)}}
             kind = choice(f"importIs{row}", channels, f"Column {row + 1} is: the channel that it becomes.")
             unit = choice(f"importUnit{row}", {}, f"Unit of column {row + 1}: in which its numbers are.")
-            turned = described(QCheckBox(), f"importTurned{row}", accessible=f"Column {row + 1} turned round")
+            turned = described(
+                QCheckBox(), f"importTurned{row}", accessible=f"Column {row + 1}, sign reversed"
+            )
             for place, field in ((1, kind), (2, unit), (3, turned)):
                 self.setCellWidget(row, place, field)
             kind.setCurrentIndex(max(kind.findData(column.channel if column is not None else UNUSED), 0))
@@ -151,7 +153,7 @@ class ColumnTable(NumberTable):
         return str(self._field(row, 2).currentData() or "")
 
     def sign(self, row: int) -> int:
-        """-1 where a column is turned round."""
+        """-1 where the sign of a column is reversed."""
         box = self.cellWidget(row, 3)
         return -1 if isinstance(box, QCheckBox) and box.isChecked() else 1
 
@@ -260,7 +262,7 @@ class ImportDialog(QDialog):
     def __init__(self, files: Sequence[Path], parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.setWindowTitle("Import tables – FingerLab")
-        self.resize(960, 700)
+        resize_on_screen(self, 960, 700)
         self.plans: tuple[ImportPlan, ...] = ()
         self.rig_file: Path | None = None
         self.axis_rig: Rig | None = None

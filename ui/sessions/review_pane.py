@@ -10,7 +10,17 @@ from typing import Any
 
 import pyqtgraph as pg
 from PySide6.QtCore import QEvent, QLineF, QObject, QRectF, QSize, Qt, Signal
-from PySide6.QtGui import QColor, QIcon, QKeyEvent, QPainter, QPaintEvent, QPen, QPixmap, QWheelEvent
+from PySide6.QtGui import (
+    QColor,
+    QFontMetrics,
+    QIcon,
+    QKeyEvent,
+    QPainter,
+    QPaintEvent,
+    QPen,
+    QPixmap,
+    QWheelEvent,
+)
 from PySide6.QtWidgets import QComboBox, QPushButton, QStyle, QStyleOptionComboBox, QStylePainter, QWidget
 
 from fingerlab.library.reviewing import Marker
@@ -19,7 +29,7 @@ from fingerlab.sessions.model import Run, Session
 from ..widgets.layout import FLUSH, Spacer, described, hbox
 from ..widgets.plots import Cursor, DecimatedCurve, bottom_axis_height
 from ..widgets.series import round_ticks
-from ..widgets.theme import Colours, colours_of, line, small_font, tint
+from ..widgets.theme import Colours, colours_of, line, small_font
 from .review_data import CHANNELS, Layer, PaneSpec
 from .session_table import run_words
 
@@ -325,6 +335,10 @@ class Grid(pg.GraphicsObject):
 RUN_TIME = "Run time (s)"
 
 
+LEGEND_ROOM = 4
+"""px around its line."""
+
+
 class ReviewPane:
     """One plot of the stack: its curves by layer and channel, its cursors, its markers."""
 
@@ -339,9 +353,9 @@ class ReviewPane:
         self.cursors = [Cursor(angle=90, movable=True, **name) for name in names]
         self.markers: list[pg.InfiniteLine] = []
         self.legend = pg.TextItem(anchor=(0, 0))
-        self.legend.setParentItem(plot.getViewBox())
-        self.legend.setPos(4, 0)
-        self.legend.setZValue(30)
+        self.legend.setFont(small_font())
+        self.legend.setParentItem(plot)  # above the view, where no curve runs
+        plot.getViewBox().sigResized.connect(self._place_legend)
         for cursor in self.cursors:
             cursor.setZValue(20)
         self.grid = Grid(plot)
@@ -395,8 +409,13 @@ class ReviewPane:
             drawn_as = f"{GLYPHS[layer.number - 1]}&nbsp;{escape(layer.name)}"
             parts.append(f'<span style="color:{colours.over[layer.number - 1]}">{drawn_as}</span>')
         self.legend.setHtml(" &nbsp; ".join(parts))
-        self.legend.fill = pg.mkBrush(tint(colours.surface, 0.75))
         self.legend.setVisible(bool(parts))
+        room = QFontMetrics(small_font()).height() + LEGEND_ROOM if parts else 0
+        self.plot.layout.setRowFixedHeight(0, room)  # that of the title, which it has not
+        self._place_legend()
+
+    def _place_legend(self, *_: object) -> None:
+        self.legend.setPos(self.plot.getViewBox().pos().x(), 0)
 
     def show_markers(self, markers: Sequence[Marker], with_text: bool, colour: str) -> None:
         """A line for each marker; its note beside it in one pane only."""

@@ -220,7 +220,6 @@ class SideRoom(_Fitted):
     def __init__(self, inner: QWidget, parent: QWidget | None = None) -> None:
         super().__init__(inner, parent)
         self.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
-        self.setWidgetResizable(True)
         self._fit()
 
     def minimumSizeHint(self) -> QSize:
@@ -229,9 +228,34 @@ class SideRoom(_Fitted):
     def _fit(self) -> None:
         inner = self.widget()
         if inner is not None:
-            scrolls = inner.minimumSizeHint().height() > self.height()
-            bar = self.verticalScrollBar().sizeHint().width() if scrolls else 0
-            self.setFixedWidth(inner.minimumWidth() + bar)
+            across, needed = inner.minimumWidth(), inner.minimumSizeHint().height()
+            layout = inner.layout()
+            if layout is not None and layout.hasHeightForWidth():  # words that are wrapped at this width
+                needed = max(needed, layout.totalMinimumHeightForWidth(across))
+            bar = self.verticalScrollBar().sizeHint().width() if needed > self.height() else 0
+            self.setFixedWidth(across + bar)
+            inner.resize(across, max(needed, self.height()))
+
+
+class Pages(QWidget):
+    """Pages of which one is shown, and which take no more room than that one; a stack takes the tallest's."""
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._pages: list[QWidget] = []
+        self._column = vbox(self, margins=FLUSH)
+
+    def add(self, page: QWidget) -> None:
+        """One more page; the first is shown."""
+        self._column.addWidget(page)
+        if self._pages:
+            page.hide()
+        self._pages.append(page)
+
+    def show_page(self, number: int) -> None:
+        """The page of this number, in the place of the one that was shown."""
+        for one, page in enumerate(self._pages):
+            page.setVisible(one == number)
 
 
 class Panes(QSplitter):
@@ -269,6 +293,16 @@ class Panes(QSplitter):
         self.splitterMoved.connect(lambda *_: settings.set_heights(self.objectName(), self.sizes()))
 
 
+TITLE_BAR_HEIGHT = 40
+"""px that a desktop puts above a window (assumed)."""
+
+
+def resize_on_screen(window: QWidget, width: int, height: int) -> None:
+    """Give a window this size, px, or less height where the screen has no more."""
+    room = window.screen().availableGeometry().height() - TITLE_BAR_HEIGHT
+    window.resize(width, min(height, room))
+
+
 class ResultDialog(QDialog):
     """A window beside the main one that shows something, until its button or Escape shuts it.
 
@@ -280,7 +314,7 @@ class ResultDialog(QDialog):
         super().__init__(parent)
         self.setObjectName(name)
         self.setWindowTitle(f"{title} – FingerLab")
-        self.resize(width, height)
+        resize_on_screen(self, width, height)
 
     def lay_out(self, *items: Item) -> QPushButton:
         """Items above one another, and below them the button that shuts it."""

@@ -344,13 +344,13 @@ def line_words(status: Status) -> dict[str, str]:
 def _of_lines(before: Status, now: Status, rate_hz: float) -> tuple[Notice, ...]:
     """An input that changed, with the bench's time; not what it is when it is first seen."""
     changes = (
-        ("The emergency stop was", before.emergency_stop, now.emergency_stop, STOP_WORDS),
-        ("The amplifier is", before.amplifier_ready, now.amplifier_ready, READY_WORDS),
+        ("The emergency stop was", before.emergency_stop, now.emergency_stop, STOP_WORDS, Input.YES),
+        ("The amplifier is", before.amplifier_ready, now.amplifier_ready, READY_WORDS, Input.NO),
     )
     at = f"at {now.lines_at / rate_hz:.3f} s of the bench's time"
     return tuple(
-        Notice(Kind.LINE, f"{begins} {words[is_now]} {at}.")
-        for begins, was, is_now, words in changes
+        Notice(Kind.LINE, f"{begins} {words[is_now]} {at}.", grave=is_now is hinders)
+        for begins, was, is_now, words, hinders in changes
         if was is not is_now and was is not Input.NONE
     )
 

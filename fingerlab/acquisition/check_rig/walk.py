@@ -277,6 +277,8 @@ def _taken(step: Step, look: Look, before: Sequence[Outcome], card: bool) -> Ite
 
 
 def _failed(step: Step, look: Look, sentence: str) -> Outcome:
+    if not look.bench.status().loop_ended:
+        look.bench.idle()  # a STOP that was pressed this moment is latched by the loop's next cycle
     status = look.bench.status()
     if status.loop_ended:
         return Outcome(LOST, "The device was lost", FAILED, status.fault or sentence)

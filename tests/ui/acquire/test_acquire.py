@@ -52,6 +52,8 @@ def test_from_connecting_to_a_file_that_opens(rig: Rig, qtbot: QtBot) -> None:
     assert math.degrees(position.min()) == pytest.approx(10.0, abs=1.0)
     assert rig.window.settings.recent()[0] == rig.files()[0].resolve()
     assert "Written and verified" in rig.label("message")
+    assert "Written and verified" not in rig.label("status")  # once is enough
+    assert sum("Written and verified" in line for line in rig.window.context.log) == 1
     assert rig.button("openRecording").isVisible()
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import os
 import signal
+import threading
 from collections.abc import Callable
 from importlib import resources
 from pathlib import Path
@@ -28,7 +29,7 @@ from fingerlab.devices.choosing import detect
 from fingerlab.devices.faults import FAULT_KINDS
 from fingerlab.devices.ni.card import NiCard
 from fingerlab.devices.protocol import VirtualClock
-from fingerlab.devices.simulated import SimulatedBench, Simulation
+from fingerlab.devices.simulated import SimulatedBench, SimulatedRig, Simulation
 from fingerlab.models.file import DIAGNOSIS_METHOD, SavedModel, save_model
 from fingerlab.rig.file import default_rig, load_rig
 from fingerlab.sessions import open_session
@@ -215,6 +216,36 @@ def test_a_file_that_is_no_recording_is_refused_in_one_sentence(  # type: ignore
     assert "wires.toml" in rig.label("message")
     assert rig.tab.connect_page.rig_file is None
     assert not rig.button("connectCard").isEnabled()
+    wrong = tmp_path / "empty.toml"
+    wrong.touch()
+    rig.window.context.hush()
+    rig.click("rigFile")
+    rig.wait_idle()
+    assert "empty.toml says nothing of a rig" in rig.label("message")
+    assert rig.tab.connect_page.rig_file is None
+
+
+def test_closed_while_it_connects_it_lets_the_bench_go(unconnected) -> None:  # type: ignore[no-untyped-def]
+    """What is opened for a check once the window is closed has nobody else to end its processes."""
+    asked, go_on, closed = threading.Event(), threading.Event(), list[SimulatedRig]()
+
+    class Watched(SimulatedRig):
+        def close(self) -> None:
+            closed.append(self)
+            super().close()
+
+    def build(_choice: Any) -> Watched:
+        asked.set()
+        assert go_on.wait(30.0)
+        return Watched()
+
+    rig = unconnected(build)
+    rig.click("checkRig")
+    assert asked.wait(30.0)
+    threading.Timer(0.3, go_on.set).start()  # the window is closed by then
+    rig.window.close()
+    assert not rig.window.isVisible()
+    assert len(closed) == 1
 
 
 def test_a_device_of_one_s_own_is_asked_about_once_and_driven(  # type: ignore[no-untyped-def]

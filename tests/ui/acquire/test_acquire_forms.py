@@ -7,9 +7,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from PySide6.QtCore import Qt
+from PySide6.QtCore import QPoint, Qt
 from PySide6.QtTest import QTest
-from PySide6.QtWidgets import QApplication, QLabel, QScrollArea
+from PySide6.QtWidgets import QApplication, QLabel, QScrollArea, QWidget
 from pytestqt.qtbot import QtBot
 
 from fingerlab.acquisition.control.machine import initial_of
@@ -204,3 +204,31 @@ def test_on_a_low_screen_the_panel_scrolls_and_the_plots_stay(rig: Rig) -> None:
     QApplication.processEvents()
     assert speed.isVisible()
     assert side.verticalScrollBar().maximum() == 0
+
+
+def test_no_scroll_bar_lies_over_the_fields_and_short_forms_leave_no_gap(rig: Rig, qtbot: QtBot) -> None:
+    """At 1280 x 720 with a notice below, in every mode: the bar beside them, the recording close."""
+    panel = rig.tab.panel
+    rig.window.resize(1280, 720)
+    rig.window.context.tell("The sensors were calibrated with another rig file; calibrate them again.")
+    side = panel.parentWidget().parentWidget()
+    assert isinstance(side, SideRoom)
+    scrolled = 0
+
+    def gap(last: QWidget) -> int:
+        below = panel.record.mapTo(panel, QPoint()).y()
+        return below - last.mapTo(panel, QPoint(0, last.height())).y()
+
+    for page, field, last in (
+        ("byHand", panel.motion.kind, panel.hand_left),
+        ("byProtocol", panel.protocol.which, panel.left),
+    ):
+        rig.click(page)
+        for index in range(field.count()):
+            field.setCurrentIndex(index)
+            field.activated.emit(index)
+            qtbot.wait(50)  # layout within layout
+            assert gap(last) < 90, field.currentText()  # the heading lies between
+            assert side.viewport().width() >= panel.width(), field.currentText()
+            scrolled += side.verticalScrollBar().maximum() > 0
+    assert scrolled

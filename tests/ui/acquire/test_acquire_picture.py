@@ -125,3 +125,26 @@ def test_model_beside_the_measurement(rig: Rig) -> None:
     # The practice bench's noise is 3 to 4 mN m; the torque itself swings by more than 20.
     assert residual.std() < 0.35 * measured.std()
     assert float(error.split()[1]) == pytest.approx(1e3 * np.sqrt(np.mean(residual**2)), rel=0.2)
+
+
+def test_a_marker_s_note_stands_above_the_curves(rig: Rig) -> None:
+    canvas = rig.tab.plots.panes["displacement"].canvas
+    before = canvas.area
+    rig.start()
+    rig.click("record")
+    rig.run(1.0)
+    rig.tab.panel.note.setText("a light touch")
+    rig.click("mark")
+    rig.run(2.0)
+    QApplication.processEvents()
+    line = canvas.fontMetrics().height()
+    assert canvas.area.top() - before.top() >= line - 4  # a line of its own
+    image = canvas.grab().toImage()
+    written = {
+        image.pixelColor(x, y).name()
+        for x in range(canvas.area.left(), canvas.area.right())
+        for y in range(before.top(), canvas.area.top())
+    }
+    assert len(written) > 1
+    untouched = rig.tab.plots.panes["torque"].canvas
+    assert untouched.area.top() == before.top()

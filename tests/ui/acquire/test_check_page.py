@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ import numpy as np
 import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtTest import QTest
-from PySide6.QtWidgets import QComboBox, QDoubleSpinBox, QTableWidget
+from PySide6.QtWidgets import QComboBox, QDoubleSpinBox, QFileDialog, QTableWidget
 from pytestqt.qtbot import QtBot
 
 from fingerlab.acquisition.bench.bench import Bench
@@ -78,6 +79,35 @@ def test_a_rehearsal_by_clicks_ends_confirmed_and_leads_to_the_bench(
     rig.click("checkDrive")
     qtbot.waitUntil(rig.tab.connected, timeout=PATIENCE)
     assert rig.button("initialise").isVisible()
+
+
+WIRED = """
+[daq.emergency_stop]
+terminal = "port0/line2"
+[daq.amplifier_ready]
+terminal = "port0/line3"
+needs_enable = true
+"""
+
+
+@pytest.mark.qt_log_ignore("This plugin does not support")
+def test_lines_that_a_hand_tries_are_no_trouble(
+    benches: Callable[..., Rig], qtbot: QtBot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = tmp_path / "wired.toml"
+    text = resources.files("fingerlab.resources").joinpath("rigs/default.toml").read_text("utf-8")
+    file.write_text(text + WIRED, encoding="utf-8")
+    monkeypatch.setattr(QFileDialog, "getOpenFileName", staticmethod(lambda *_: (str(file), "")))
+    rig = benches(unpaced)
+    rig.click("rigFile")
+    rig.wait_idle()
+    troubles: list[str] = []
+    rig.window.context.warned.connect(lambda sentence, _details: troubles.append(sentence))
+    rig.click("checkRig")
+    answer(rig, qtbot, {})
+    assert "All confirmed" in rig.label("checkQuestion")
+    # Which of the changes it sees, all of a second on the virtual clock, hangs on its looks.
+    assert not any(troubles), troubles
 
 
 def test_stop_before_anybody_waits_for_an_answer_ends_the_check(

@@ -20,6 +20,7 @@ from PySide6.QtWidgets import (
 )
 from pytestqt.qtbot import QtBot
 
+from fingerlab.ui.app.bars import MessageBar
 from fingerlab.ui.app.window import MainWindow
 from fingerlab.ui.widgets.tables import LinesLabel
 from fingerlab.ui.widgets.theme import Appearance, apply_appearance
@@ -119,6 +120,27 @@ class Opened(QObject):
     @Slot(QUrl)
     def take(self, url: QUrl) -> None:
         self.urls.append(url)
+
+
+def test_that_something_was_written_goes_by_itself_and_trouble_stays(
+    qtbot: QtBot, make_window: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(MessageBar, "GOES_AFTER_MS", 60)
+    window: MainWindow = make_window(tab="fit")
+    bar, opens = child(window, QFrame, "messageBar"), child(window, QPushButton, "openWritten")
+    window.context.announce("Report page saved", tmp_path / "page.html")
+    opens.setFocus()
+    qtbot.wait(150)
+    assert bar.isVisible()  # not from under the hand that is about to open it
+    opens.clearFocus()
+    qtbot.waitUntil(lambda: not bar.isVisible())
+    window.context.announce("Report page saved", tmp_path / "page.html")
+    window.context.tell("It cannot be written.")
+    qtbot.wait(150)
+    assert bar.isVisible()
+    window.context.announce("Hidden was Coulomb joint friction.")  # an answer, not a file
+    qtbot.wait(150)
+    assert bar.isVisible()
 
 
 def test_what_was_done_is_marked_otherwise_than_trouble_and_can_be_opened(

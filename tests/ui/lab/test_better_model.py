@@ -12,6 +12,7 @@ from PySide6.QtWidgets import QFrame, QLabel, QPushButton
 from pytestqt.qtbot import QtBot
 
 from fingerlab.diagnosis.answer.results import Diagnosis, OtherModel, PathStep
+from fingerlab.report.diagnosis_words import verdict_sentence
 from fingerlab.sessions import Session
 from fingerlab.ui.app.window import MainWindow
 from fingerlab.ui.lab.result_words import step_results
@@ -67,6 +68,13 @@ def test_the_banner_names_the_better_model_and_one_click_exchanges_it(
         "friction takes the error on runs left out of the fit from 1.60 to 1.06 times the bench's own "
         "repeatability."
     )
+    # The row of the list is told with 83 %; the odds against the model as given would be 99 %.
+    chosen = lab.view.candidates.list.rows[0]
+    assert (chosen.key, chosen.probability) == ("coulomb_friction", 0.83)
+    assert child(window, QLabel, "verdict").text().endswith(", 83\N{NO-BREAK SPACE}%")
+    assert lab.controller.diagnosis is not None
+    told = verdict_sentence(lab.controller.diagnosis)
+    assert "It is 83 % probable, and 150 times as likely." in told
     assert lab.view.validation.title.text() == "Not true: another model is better"
     assert child(window, QPushButton, "addToModel").text() == "Exchange in &the model"
     assert lab.view.path.path.bars[-1].title == "Coulomb joint friction for viscous joint friction"

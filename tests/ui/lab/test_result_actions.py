@@ -153,6 +153,22 @@ def test_the_model_is_saved(
     assert str(path) in child(window, QLabel, "message").text()
 
 
+def test_a_model_is_not_saved_onto_a_folder(
+    qtbot: QtBot, window: MainWindow, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "models"
+    folder.mkdir()
+    (folder / "kept.txt").write_text("kept", encoding="utf-8")
+    monkeypatch.setattr(QFileDialog, "getSaveFileName", staticmethod(lambda *_: (str(folder), "")))
+    click(window, "saveModel")
+    message = child(window, QLabel, "message")
+    qtbot.waitUntil(lambda: str(folder) in message.text(), timeout=PATIENCE)
+    assert f"{folder} cannot be written (it is a folder); choose" in message.text()
+    assert "mistake" not in message.text()
+    assert [path.name for path in tmp_path.iterdir() if path.name.startswith("models")] == ["models"]
+    assert (folder / "kept.txt").read_text(encoding="utf-8") == "kept"
+
+
 def test_revealing_shows_the_fingerprint_that_gave_it_away(qtbot: QtBot, window: MainWindow) -> None:
     QTest.keyClick(window, Qt.Key.Key_Return, Qt.KeyboardModifier.ControlModifier)
     wait_for_result(qtbot, window)

@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from PySide6.QtCore import QPoint, Qt
+from PySide6.QtCore import QPoint, QPointF, Qt
 from PySide6.QtGui import QGuiApplication, QImage
 from PySide6.QtTest import QTest
-from PySide6.QtWidgets import QTableWidget
+from PySide6.QtWidgets import QApplication, QTableWidget
 from pytestqt.qtbot import QtBot
 
 from fingerlab.diagnosis.answer.results import Diagnosis, ExcludedByMotion, ExcludedInterval, ScorePart
 from fingerlab.sessions.model import Session
 from fingerlab.ui.app.window import MainWindow
+from fingerlab.ui.widgets.theme import Appearance, apply_appearance
 
 from .. import invented
 from ..hands import LEFT, child, click, invented_diagnosis, lab_of, wait_for_result
@@ -117,3 +118,47 @@ def test_what_is_left_aside_is_shaded_and_told_with_its_share(taken_apart: MainW
     assert max(excluded_by_motion) < min(judged) - 3
     view.bar.go_to("mcp_torque", "001")
     assert key.toolTip() == "Left aside of this run: start and edges 13 %."
+
+
+@pytest.fixture(params=["light", "dark"])
+def themed(request: pytest.FixtureRequest, qapp: QApplication) -> Iterator[Appearance]:
+    apply_appearance(qapp, request.param)
+    yield request.param
+    apply_appearance(qapp, "light")
+
+
+@pytest.mark.usefixtures("themed")
+def test_what_is_weighed_less_is_not_taken_for_left_aside(
+    qtbot: QtBot,
+    make_window: Callable[..., MainWindow],
+    session_file: Path,
+) -> None:
+    def diagnose(sessions: Sequence[Session], added: tuple[str, ...], *rest: object) -> Diagnosis:
+        found = invented_diagnosis(sessions, added, *rest)  # type: ignore[arg-type]
+        still, ramp = ExcludedInterval("standstill", 4.0, 10.0), ExcludedInterval("ramp", 0.0, 1.5)
+        return replace(found, comparisons=tuple(replace(c, aside=(ramp, still)) for c in found.comparisons))
+
+    window = make_window(diagnose=diagnose)
+    window.context.open_paths([session_file])
+    wait_for_result(qtbot, window)
+    view = lab_of(window).view
+    assert view.legend.aside.toolTip() == "Left aside of this run: start and edges 13 %."
+    assert view.legend.weighed.isVisible()
+    assert view.legend.weighed.toolTip() == "Weighed less in this run: standstill 50 %."
+    assert [tints.stretches for tints in (view.plot.aside[0], view.plot.weighed[0])] == [
+        ((0.0, 1.5),),
+        ((4.0, 10.0),),
+    ]
+    image = view.plot.grab().toImage()
+    box = view.plot.bottom.getViewBox()
+    (left, right), (_, high) = box.viewRange()
+
+    def patch(time: float) -> float:
+        corner = view.plot.mapFromScene(box.mapViewToScene(QPointF(time, high))) + QPoint(-6, 4)
+        places = [corner + QPoint(i, j) for i in range(12) for j in range(12)]
+        return float(np.median([image.pixelColor(place).lightness() for place in places]))  # not of the curve
+
+    assert left <= 4.0 < 11.0 <= right
+    assert [tints.hatched for tints in (view.plot.aside[0], view.plot.weighed[0])] == [True, False]
+    assert abs(patch(8.3) - patch(11.0)) >= 8
+    apply_appearance(QApplication.instance(), "light")  # type: ignore[arg-type]

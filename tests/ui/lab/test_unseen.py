@@ -10,11 +10,12 @@ import pytest
 from PySide6.QtWidgets import QLabel
 from pytestqt.qtbot import QtBot
 
+from fingerlab.core.text import NO_BREAK
 from fingerlab.diagnosis.answer.results import Diagnosis, HeldOutRuns
 from fingerlab.library.notes import Verdict
-from fingerlab.report.diagnosis_words import set_sentence, verdict_sentence
+from fingerlab.report.diagnosis_words import could_hide, set_sentence, verdict_sentence
 from fingerlab.ui.app.window import MainWindow
-from fingerlab.ui.lab.result_words import set_help, set_words
+from fingerlab.ui.lab.result_words import set_help, set_words, step_results
 from fingerlab.ui.lab.validation import HeldOutTable
 from fingerlab.ui.sessions.session_table import verdict_help, verdict_text
 
@@ -122,3 +123,26 @@ def test_what_shows_too_weakly_is_told_apart_from_what_could_not_show() -> None:
     )
     assert set_words(replace(weak, set=("coulomb_friction",))) == "Too weak to tell: Coulomb joint friction."
     assert "too weak to tell: Coulomb joint friction." in set_sentence(weak)
+
+
+def test_where_an_effect_is_likelier_than_nothing_the_headline_says_so(
+    make_window: Any, qtbot: QtBot, session_file: Path
+) -> None:
+    window = make_window(diagnose=lambda sessions, *_: invented.hiding_diagnosis(str(sessions[0].path)))
+    window.context.open_paths([session_file])
+    wait_for_result(qtbot, window)
+    said = child(window, QLabel, "verdict").text().replace(NO_BREAK, " ")
+    assert said == "No effect is shown to be missing; Stribeck joint friction could hide, 68 %"
+    steps = step_results(invented.hiding_diagnosis("s.h5"), lab_of(window).controller.history)
+    assert steps["missing"].replace(NO_BREAK, " ") == "none shown; Stribeck joint friction could hide, 68 %"
+    assert verdict_sentence(invented.hiding_diagnosis("s.h5")) == (
+        "No effect is shown to be missing from the nominal model, but Stribeck joint friction could hide "
+        "(68 % probable, that nothing is missing 20 %): its error on runs left out of the fit is 1.10 times "
+        "the bench's own repeatability."
+    )
+    assert lab_of(window).view.validation.title.text() == "Perhaps true: an effect could hide"
+    # As likely as nothing is no contradiction.
+    unseen = invented.unseen_diagnosis("s.h5")
+    assert could_hide(unseen) is None
+    assert could_hide(replace(unseen, probability_nothing=0.05)) is None
+    assert verdict_sentence(unseen).startswith("Nothing is missing from the nominal model that these data")

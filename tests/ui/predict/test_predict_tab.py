@@ -304,6 +304,10 @@ def test_a_force_beyond_the_limits_says_so_and_cannot_be_handed_over(
         button = child(wanting, QPushButton, name)
         assert not button.isEnabled()
         assert "allow" in button.toolTip()
+    child(wanting, QDoubleSpinBox, "wanted_mean_n").setValue(40.0)
+    qtbot.waitUntil(lambda: "the rig's limit is 10 N" in words.text(), timeout=PATIENCE)
+    assert view.plan is None  # no torque that nobody could send
+    assert child(wanting, QLabel, "wantedResult").text() == ""
     child(wanting, QDoubleSpinBox, "wanted_mean_n").setValue(0.1)
     qtbot.waitUntil(lambda: "only press" in words.text(), timeout=PATIENCE)
     assert view.plan is None

@@ -86,7 +86,7 @@ def test_columns_are_chosen_by_list_and_looked_at_before_they_are_imported(
     preview = dialog.preview.shown
     assert set(preview) == {"motor command", "motor position", "MCP angle", "PIP angle"}
     assert preview["motor position"][-1] == pytest.approx(np.radians(9 * 2.999), rel=1e-4)
-    assert preview["MCP angle"][-1] == pytest.approx(np.radians(5 * 2.999), rel=1e-4)  # turned round
+    assert preview["MCP angle"][-1] == pytest.approx(np.radians(5 * 2.999), rel=1e-4)  # sign reversed
     choose(dialog, "importIs7", "motor torque")  # which another column was until now
     assert dialog.columns.kind(2) == ""
     choose(dialog, "importIs2", "motor torque")
