@@ -286,7 +286,7 @@ def _print_budget(console: Console, result: Diagnosis) -> None:
     console.print(table)
     console.print(Text(mending_sentence(result)))
     for title, share, after, how in mend_rows(result)[1:]:
-        console.print(Text(f"- {title}, {share}: {after} without it. {how}"))
+        console.print(Text(f"- {title}, {share}: {after} without it. {how}".rstrip()))
     console.print()
 
 
