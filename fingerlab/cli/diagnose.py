@@ -253,7 +253,7 @@ def _print(result: Diagnosis, arc: str, budget: bool) -> None:
         console.print(Text(words.paired_sentence(result)))
     if words.worth_adding(result):
         console.print(Text(words.path_sentence(result)))
-        console.print(Text(_how_to_add(result)))
+        console.print(Text(words.how_to_add(result)))
     if result.bench:
         console.print(Text("\nThe bench:"))
         for finding in result.bench:
@@ -288,14 +288,6 @@ def _print_budget(console: Console, result: Diagnosis) -> None:
     for title, share, after, how in mend_rows(result)[1:]:
         console.print(Text(f"- {title}, {share}: {after} without it. {how}".rstrip()))
     console.print()
-
-
-def _how_to_add(result: Diagnosis) -> str:
-    """The options that take the path's first step."""
-    if result.better is not None:
-        return f"To exchange it: {' '.join(f'--add {name}' for name in result.better.effects)}"
-    added = [step.added for step in result.path if step.added is not None]
-    return f"To put it into the model: --add {added[0]}"
 
 
 def _errors(result: Diagnosis) -> Table:
