@@ -38,6 +38,8 @@ DIVISORS = ("torque_constant", "gear_ratio", "pulley_radius")
 
 DEFAULT_TOLERANCE = 0.02
 """Relative tolerance of a rig constant that the file says nothing about (session format, version 1)."""
+WITHOUT_TOLERANCE = ("gravity", "gear_ratio")
+"""Constants that are what they are said to be."""
 
 
 @dataclass(frozen=True)
@@ -78,6 +80,12 @@ class Rig:
     def tolerance_of(self, name: str) -> float:
         """Relative tolerance (one standard deviation, unitless) of the constant ``name``."""
         return float(self.tolerance.get(name, DEFAULT_TOLERANCE))
+
+    def tolerance_words(self, name: str) -> str:
+        """``± 2 %``; a dash where a constant of nature or a count of teeth has none that anybody gave."""
+        if name in WITHOUT_TOLERANCE and name not in self.tolerance:
+            return "–"
+        return f"± {100 * self.tolerance_of(name):g} %"
 
     @property
     def daq(self) -> Daq:
