@@ -26,6 +26,7 @@ from fingerlab.cli.common import (
     counted,
     json_option,
     progress_bar,
+    refuse_same_place,
     table_console,
     tell_own_effects,
     write_json,
@@ -100,6 +101,7 @@ def batch(
         raise UserError("--jobs is for this machine alone; leave it out with --dask.")
     if shared_table is not None and between is None:
         raise UserError("--shared is the table of what two benches share; name them with --between A B.")
+    refuse_same_place({"--over-time": time_table, "--shared": shared_table, "--json": json_target})
     options = _options(added)
     runner = locally(jobs) if address is None else on_dask(address, folder.resolve())
     bar, report = progress_bar("Batch")
