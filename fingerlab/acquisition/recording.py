@@ -17,10 +17,14 @@ from fingerlab.acquisition.status import SharedStatus, Text
 from fingerlab.core.errors import UserError
 from fingerlab.core.files import own_data
 from fingerlab.devices.protocol import LINES, RAW_CHANNELS
+from fingerlab.rig.limits import Limits
 from fingerlab.sessions.model import MAY_BE_NAN, REQUIRED_CHANNELS
 from fingerlab.sessions.recording_files import PartWriter, is_held, recording_folder
 
-TRIGGER_HELP = "such as 'endpoint_force>0.5', 'motor_position<-10deg' or 'motor_speed>90deg/s'"
+TRIGGER_HELP = (
+    "such as 'endpoint_force>0.5', 'motor_position<-10deg' or 'motor_speed>90deg/s', in N, A, N m, rad and "
+    "rad/s where it says no deg"
+)
 
 _WRITTEN = re.compile(r"\s*([a-z_/]+)\s*([<>])\s*([-+0-9.eE]+)\s*(deg|deg/s)?\s*")
 
@@ -65,6 +69,36 @@ def read_level(text: str) -> Level:
             raise UserError(f"The trigger {text!r} is in {unit}; {column} is in {UNITS[column]}.")
         level = math.radians(level)
     return Level(column, level, way == ">")
+
+
+def refuse_beyond(level: Level, limits: Limits) -> None:
+    """Refuse a level that no run within the limits crosses.
+
+    Raises:
+        UserError: it is beyond.
+    """
+    bounds = {
+        "motor_position": (limits.position_low, limits.position_high),
+        "motor_command": (limits.position_low, limits.position_high),
+        "motor_speed": (-limits.speed, limits.speed),
+        "mcp_angle": (limits.mcp_low, limits.mcp_high),
+        "pip_angle": (limits.pip_low, limits.pip_high),
+        "current_command": (-limits.current, limits.current),
+        "motor_current": (-limits.current, limits.current),
+        "motor_torque": (-limits.torque, limits.torque),
+        "endpoint_force": (-limits.force, limits.force),
+    }
+    low, high = bounds.get(level.column, (-math.inf, math.inf))
+    if low <= level.level <= high:
+        return
+    unit, factor = UNITS[level.column], 1.0
+    if unit.startswith("rad"):
+        unit, factor = unit.replace("rad", "deg"), math.degrees(1.0)
+    degrees = "; an angle without 'deg' is in rad" if unit.startswith("deg") else ""
+    raise UserError(
+        f"The trigger is {level.column} at {level.level * factor:.4g} {unit}; it should be within the "
+        f"limits, {low * factor:.4g} to {high * factor:.4g} {unit}{degrees}."
+    )
 
 
 def crossings(values: Array, level: float, rising: bool) -> np.ndarray[Any, np.dtype[np.intp]]:

@@ -26,6 +26,7 @@ from fingerlab.cli.common import (
     counted,
     json_option,
     progress_bar,
+    refuse_same_place,
     table_console,
     tell_own_effects,
     write_json,
@@ -100,6 +101,7 @@ def batch(
         raise UserError("--jobs is for this machine alone; leave it out with --dask.")
     if shared_table is not None and between is None:
         raise UserError("--shared is the table of what two benches share; name them with --between A B.")
+    refuse_same_place({"--over-time": time_table, "--shared": shared_table, "--json": json_target})
     options = _options(added)
     runner = locally(jobs) if address is None else on_dask(address, folder.resolve())
     bar, report = progress_bar("Batch")
@@ -169,6 +171,8 @@ def _tell(result: BatchResult, out: Path) -> None:
     if result.gone:
         words += f"; {result.gone} rows are of sessions that are no longer below the folder"
     click.echo(f"{words}. {out} holds {len(result.contents.rows)} rows.", err=True)
+    for first, second in _copies(result):
+        click.echo(f"{first} and {second} hold the same recording and count twice; remove one.", err=True)
     if result.failed:
         count = len(result.failed)
         click.echo(f"{counted(count, 'session')} could not be diagnosed:", err=True)
@@ -176,6 +180,18 @@ def _tell(result: BatchResult, out: Path) -> None:
             click.echo(f"  {row['session']}: {row['error']}", err=True)
         if count > MOST_LISTED:
             click.echo(f"  and {count - MOST_LISTED} more; the table's column 'error' says why.", err=True)
+
+
+def _copies(result: BatchResult) -> list[tuple[str, str]]:
+    """Sessions of the table that hold the same, with the first of that content."""
+    first: dict[str, str] = {}
+    pairs = []
+    for row in result.contents.rows:
+        name = str(row["session"])
+        known = first.setdefault(str(row.get("sha256") or name), name)
+        if known != name:
+            pairs.append((known, name))
+    return pairs
 
 
 def _batch_json(

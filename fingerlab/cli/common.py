@@ -9,7 +9,7 @@ import json
 import math
 import signal
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import FrameType, TracebackType
 from typing import IO, TYPE_CHECKING, Any
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
     from fingerlab.models.file import SavedModel
     from fingerlab.rig.file import Rig
+    from fingerlab.sessions import Session
 
 PATH = click.Path(path_type=Path)
 TABLE_WIDTH = 128
@@ -110,6 +111,72 @@ class Within(click.FloatRange):
         if not math.isfinite(number):
             self.fail(f"{value} is not a finite number.", param, ctx)
         return number
+
+
+class NewSession(NewFile):
+    """The same of a session, whose name says what it is."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
+        path = Path(str(value))
+        if path.suffix.lower() != ".h5":
+            raise UserError(f"--out is {path}; a session's file is HDF5, so its name should end in .h5.")
+        return super().convert(value, param, ctx)
+
+
+NEW_SESSION = NewSession(path_type=Path)
+
+
+def refuse_same_place(places: Mapping[str, Path | str | None]) -> None:
+    """Find out before the work that two results have one name.
+
+    Args:
+        places: of every option, where it writes to; None or ``-``: to no file.
+
+    Raises:
+        UserError: two are one.
+    """
+    taken: dict[Path, str] = {}
+    for option, place in places.items():
+        if place is None or place == "-":
+            continue
+        path = Path(place).absolute()
+        if path in taken:
+            raise UserError(f"{taken[path]} and {option} both name {place}; give each a name of its own.")
+        taken[path] = option
+
+
+def open_each(paths: Sequence[Path]) -> list[Session]:
+    """Sessions of files that differ: what was recorded once is evidence once.
+
+    Raises:
+        UserError: a file is no session, or two hold the same.
+    """
+    from fingerlab.sessions import open_session
+
+    opened = [open_session(path) for path in paths]
+    refuse_twice(opened)
+    return opened
+
+
+def refuse_twice(sessions: Sequence[Session]) -> None:
+    """Refuse files that are one, by name or by what they hold.
+
+    Raises:
+        UserError: so it is.
+    """
+    from fingerlab.sessions import content_hash
+
+    sizes = [session.path.stat().st_size for session in sessions]
+    known: dict[str, Path] = {}
+    for session, size in zip(sessions, sizes, strict=True):
+        if sizes.count(size) == 1:
+            continue
+        before = known.setdefault(content_hash(session), session.path)
+        if before is session.path:
+            continue
+        if before.resolve() == session.path.resolve():
+            raise UserError(f"{session.path} is given twice; give each session once.")
+        raise UserError(f"{before} and {session.path} hold the same recording; give one of them.")
 
 
 def counted(number: int, noun: str) -> str:

@@ -14,6 +14,7 @@ from fingerlab.cli.common import (
     figures_option,
     json_option,
     progress_bar,
+    refuse_twice,
     result_table,
     session_argument,
     table_console,
@@ -77,7 +78,9 @@ def compare(
         raise UserError("Give --model, once or more, and --figures if wanted; or --beside alone.")
     session = open_session(session_file)
     if beside is not None:
-        _compare_runs(session, open_session(beside), json_target)
+        other = open_session(beside)
+        refuse_twice([session, other])
+        _compare_runs(session, other, json_target)
         return
     tell_own_effects()
     models = _load(model_files)

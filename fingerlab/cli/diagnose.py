@@ -15,7 +15,9 @@ from fingerlab.cli.common import (
     added_option,
     figures_option,
     json_option,
+    open_each,
     progress_bar,
+    refuse_same_place,
     result_table,
     sessions_argument,
     table_console,
@@ -92,15 +94,15 @@ def diagnose(
     ('fingerlab compare').
     """
     fixed = dict(map(_held, held))
+    refuse_same_place({"--save": model_file, "--draft-effect": own_file, "--json": json_target})
     if own_file is not None:
         _check_own_file(own_file)
     laws: tuple[DraftLaw, ...] | None = None
     # Curves are kept by one process only, so that a second one would have nothing to do.
     with second_process(() if figures else sessions, "fingerlab.diagnosis.gram.reduction") as executor:
         from fingerlab.diagnosis import diagnose as run
-        from fingerlab.sessions import open_session
 
-        opened = [open_session(path) for path in sessions]
+        opened = open_each(sessions)
         tell_own_effects()
         bar, report = progress_bar("Diagnosing")
         with bar:
@@ -126,14 +128,10 @@ def diagnose(
     write_results(answer, json_target, saved, drawn)
     if own_file is not None and laws:
         from fingerlab.diagnosis.draft.own_file import own_effect_text
-        from fingerlab.effects.own import save_own
+        from fingerlab.effects.own import how_to_let_in, save_own
 
-        save_own(own_file, own_effect_text(own_file, laws[0]))
-        click.echo(
-            f"{own_file} is written; put its texts right, then let it in with 'fingerlab effects --trust "
-            f"{own_file.name}'.",
-            err=True,
-        )
+        save_own(own_file, own_effect_text(own_file, laws[0]), choose=False)
+        click.echo(f"{own_file} is written; {how_to_let_in(own_file)}.", err=True)
     elif own_file is not None:
         click.echo(f"No law was drafted, so that {own_file} is not written.", err=True)
 
@@ -253,7 +251,7 @@ def _print(result: Diagnosis, arc: str, budget: bool) -> None:
         console.print(Text(words.paired_sentence(result)))
     if words.worth_adding(result):
         console.print(Text(words.path_sentence(result)))
-        console.print(Text(_how_to_add(result)))
+        console.print(Text(words.how_to_add(result)))
     if result.bench:
         console.print(Text("\nThe bench:"))
         for finding in result.bench:
@@ -286,16 +284,8 @@ def _print_budget(console: Console, result: Diagnosis) -> None:
     console.print(table)
     console.print(Text(mending_sentence(result)))
     for title, share, after, how in mend_rows(result)[1:]:
-        console.print(Text(f"- {title}, {share}: {after} without it. {how}"))
+        console.print(Text(f"- {title}, {share}: {after} without it. {how}".rstrip()))
     console.print()
-
-
-def _how_to_add(result: Diagnosis) -> str:
-    """The options that take the path's first step."""
-    if result.better is not None:
-        return f"To exchange it: {' '.join(f'--add {name}' for name in result.better.effects)}"
-    added = [step.added for step in result.path if step.added is not None]
-    return f"To put it into the model: --add {added[0]}"
 
 
 def _errors(result: Diagnosis) -> Table:
@@ -363,10 +353,9 @@ def report(
     """
     from fingerlab.report.page import Extras, write_report
     from fingerlab.report.score_words import diagnose_each, story
-    from fingerlab.sessions import open_session
 
     _check_places(out, pdf, figures, equation, json_target)
-    opened = [open_session(path) for path in sessions]
+    opened = open_each(sessions)
     tell_own_effects()
     extras = Extras(pdf, figures, equation)
     bar, tell = progress_bar("Writing the report")
@@ -397,12 +386,12 @@ def _check_places(
     places = {"--out": out, "--pdf": pdf, "--equation": equation}
     if json_target not in (None, "-"):
         places["--json"] = Path(str(json_target))
-    given = {option: path for option, path in places.items() if path is not None}
-    for option, path in given.items():
-        twin = next((o for o, p in given.items() if o != option and p.absolute() == path.absolute()), None)
-        if twin is not None:
-            raise UserError(f"{option} and {twin} both name {path}; give each a name of its own.")
-        refuse_taken(path)
+    refuse_same_place(places)
+    for path in places.values():
+        if path is not None:
+            refuse_taken(path)
+    if out.suffix.lower() not in (".html", ".htm", ".pdf"):
+        raise UserError(f"--out names {out}; a page's name ends with .html, or with .pdf for a PDF.")
     if pdf is not None and pdf.suffix.lower() != ".pdf":
         raise UserError(f"--pdf names {pdf}; a PDF's name ends with .pdf.")
     if equation is not None:

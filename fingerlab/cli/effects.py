@@ -66,8 +66,8 @@ def effects(
                     _ask_and_trust(file.source)
     if template is not None:
         refuse_taken(template)
-        own.save_own(template, own.template(template))
-        click.echo(f"{template} is written; put its law and texts right, then confirm it.", err=True)
+        own.save_own(template, own.template(template), choose=False)
+        click.echo(f"{template} is written; {own.how_to_let_in(template)}.", err=True)
     if trust is not None:
         _ask_and_trust(own.find(trust))
     if untrust is not None:

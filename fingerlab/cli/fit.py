@@ -12,6 +12,7 @@ from fingerlab.cli.common import (
     figures_option,
     json_option,
     progress_bar,
+    refuse_same_place,
     result_table,
     session_argument,
     table_console,
@@ -82,6 +83,7 @@ def fit(
     90 %. Runs that do not repeat a trajectory serve '--method whole' only. A session that holds
     motor-bench runs and no finger is fitted with J, gain and offset of the motor-bench equation.
     """
+    refuse_same_place({"--model": model_file, "--json": json_target})
     session = open_session(session_file)
     if motor_bench_runs(session) and not any(run.phase == "on_air" for run in session.runs):
         _fit_motor_bench(session, model_file, figures, json_target)

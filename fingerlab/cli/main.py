@@ -127,12 +127,20 @@ def main(arguments: Sequence[str] | None = None) -> None:
             code = cli.main(args=arguments, prog_name="fingerlab", standalone_mode=False)
         sys.exit(code if isinstance(code, int) else 0)
     except click.ClickException as error:
-        _fail(error.format_message())
+        _fail(_plain(error.format_message()))
     except UserError as error:
         _fail(str(error))
     except (click.Abort, KeyboardInterrupt):
         click.echo("Stopped.", err=True)
         sys.exit(130)
+
+
+def _plain(sentence: str) -> str:
+    """What click says of numbers, in words that are not its own."""
+    for kind, said in (("integer", "a whole number"), ("float", "a number")):
+        for name in (f"a valid {kind} range", f"a valid {kind}"):
+            sentence = sentence.replace(f"is not {name}.", f"is not {said}.")
+    return sentence
 
 
 def _fail(sentence: str) -> None:

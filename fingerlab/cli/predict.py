@@ -23,6 +23,7 @@ from fingerlab.cli.common import (
     figures_option,
     json_option,
     progress_bar,
+    refuse_same_place,
     result_table,
     session_argument,
     table_console,
@@ -377,6 +378,7 @@ def inverse(
     The finger presses as it does in a contact run of the session. What is written with --out runs with
     'fingerlab record --trajectory FILE', in the simulated rig, and in the Acquire tab.
     """
+    refuse_same_place({"--out": out, "--json": json_target})
     session = open_session(session_file)
     stands = _pose(session, run_name, pose)
     known = predictors(load_model(model_file), str(model_file), stands.cable)
@@ -402,6 +404,14 @@ def _pose(session: Session, run_name: str | None, angles: tuple[float, float] | 
     if angles is not None:
         if run_name is not None:
             raise UserError("Give either --run or --pose, not both.")
+        limits = session.rig.limits
+        bounds = (("MCP", limits.mcp_low, limits.mcp_high), ("PIP", limits.pip_low, limits.pip_high))
+        for (joint, low, high), angle in zip(bounds, angles, strict=True):
+            if not low <= math.radians(angle) <= high:
+                raise UserError(
+                    f"--pose has the {joint} at {angle:g} degrees; the rig's limits are "
+                    f"{math.degrees(low):.4g} to {math.degrees(high):.4g} degrees."
+                )
         return pose_by_hand(math.radians(angles[0]), math.radians(angles[1]))
     runs = {run.name: run for run in session.contact_runs()}
     if not runs:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from fingerlab.cli.common import (
-    NEW_FILE,
+    NEW_SESSION,
     PATH,
     Interrupts,
     Within,
@@ -98,7 +98,7 @@ FORCE = Within(min=0.05, max=50.0)
     "--trigger",
     metavar="LEVEL",
     help="Begin each run where its motion crosses a level, such as 'endpoint_force>0.5', "
-    "'motor_position<-10deg' or 'motor_speed>90deg/s'.",
+    "'motor_position<-10deg' or 'motor_speed>90deg/s'; in N, A, N m, rad and rad/s where it says no deg.",
 )
 @click.option(
     "--commands",
@@ -153,7 +153,7 @@ FORCE = Within(min=0.05, max=50.0)
 @click.option("--effect", "effects", multiple=True, metavar="ID[=STRENGTH]", help="Of the simulated bench.")
 @click.option("--hidden", is_flag=True, help="Hide an effect in the simulated bench until 'reveal'.")
 @click.option("--preset", default="practice", help="Of the simulated bench: practice, as-built, or a file.")
-@click.option("--out", required=True, type=NEW_FILE, help="Session file to write.")
+@click.option("--out", required=True, type=NEW_SESSION, help="Session file to write (.h5).")
 @json_option
 def record(out: Path, json_target: str | None, **options: Any) -> None:
     """Record a session from a device.
@@ -161,6 +161,7 @@ def record(out: Path, json_target: str | None, **options: Any) -> None:
     What has been recorded is safe at every moment: a recording that was cut is repaired when it is opened.
     The simulated rig runs as fast as it can, unless it is asked for real time.
     """
+    from fingerlab.acquisition.recording import refuse_beyond
     from fingerlab.cli.record_session import SessionOptions, take
     from fingerlab.devices.choosing import REPLAY
 
@@ -171,10 +172,11 @@ def record(out: Path, json_target: str | None, **options: Any) -> None:
         raise UserError("--out, --json and --events name the same file; give each its own.")
     if json_target == options["events"] == "-":
         raise UserError("--json and --events cannot both have standard output; give one of them a file.")
+    choice = _choice(options) if options["device"] else None  # what is wrong with it comes first
     name, steps = ("feed-forward", None) if _feeds(options) else _planned(options)
     angles, beginning = _angles(options), _beginning(options)
     orders, model = _orders(options["commands"]), _model(options["compare"])
-    choice = _choice(options)
+    choice = choice or _choice(options)
     if choice.kind == REPLAY:
         raise UserError("A replay has been recorded already; record from 'simulated' or from a card.")
     simulated = choice.kind == "simulated"
@@ -184,8 +186,8 @@ def record(out: Path, json_target: str | None, **options: Any) -> None:
         )
     if not simulated and options["yes"]:  # nobody would have looked which cable is on the pulley
         raise UserError(
-            "--yes is for the simulated rig; at a real bench answer each question about the cable in a "
-            "terminal, or by a line 'ready' of --commands."
+            f"--yes is for the simulated rig{_taken_for(options['device'])}; at a real bench answer each "
+            "question about the cable in a terminal, or by a line 'ready' of --commands."
         )
     with ExitStack() as stack:
         events = stack.enter_context(Events(options["events"]))
@@ -195,6 +197,8 @@ def record(out: Path, json_target: str | None, **options: Any) -> None:
         stack.enter_context(Interrupts(lambda: None))  # who is asked to end gives back what it has opened
         bench, rig, attributes = _open(choice, options, simulated)
         stack.callback(bench.close)
+        if beginning.trigger is not None:
+            refuse_beyond(beginning.trigger, rig.limits)
         attributes |= {k: v for k in ("operator", "notes") if (v := options[k])}
         if steps is None:
             steps, more = _trial_steps(options, rig)
@@ -217,6 +221,11 @@ def record(out: Path, json_target: str | None, **options: Any) -> None:
     click.echo(f"{counted(runs, 'run')}, {samples} samples, written to {path}.", err=True)
     if json_target is not None:
         write_json(result, json_target)
+
+
+def _taken_for(device: str | None) -> str:
+    """What a name that nobody knows is held for."""
+    return "" if device is None or ":" in device else f", and {device!r} is taken for the name of a card"
 
 
 def _feeds(options: Mapping[str, Any]) -> bool:

@@ -400,7 +400,7 @@ def _rig_table(rig: Rig, stored: str) -> Table:
             if unit == "rad":
                 value, unit = math.degrees(value), "°"
             origin = "session" if spec.name in (given.get(name) or {}) else "not in the session: default"
-            tolerance = f"± {100 * rig.tolerance_of(spec.name):g} %"
+            tolerance = rig.tolerance_words(spec.name)
             table.add_row(
                 spec.name.replace("_", " "),
                 f"{value:.5g}",

@@ -9,7 +9,16 @@ from typing import TYPE_CHECKING, Any
 import click
 from rich.table import Table
 
-from fingerlab.cli.common import NEW_FILE, PATH, counted, json_option, progress_bar, table_console, write_json
+from fingerlab.cli.common import (
+    NEW_SESSION,
+    PATH,
+    counted,
+    json_option,
+    progress_bar,
+    refuse_same_place,
+    table_console,
+    write_json,
+)
 from fingerlab.core.errors import UserError
 from fingerlab.core.files import read_text
 from fingerlab.core.plain_data import read_object
@@ -23,6 +32,7 @@ from fingerlab.report.comparison_words import (
 )
 
 if TYPE_CHECKING:
+    from fingerlab.rig.file import Rig
     from fingerlab.twin.protocols import RunPlan
 
 PROTOCOL_NAMES = ("on-air", "contact", "motor-bench", "thesis", "rich")
@@ -42,6 +52,11 @@ class ProtocolName(click.Choice):
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         if str(value).lower().endswith(TABLES):
             return str(value)
+        if value not in PROTOCOL_NAMES:
+            raise UserError(
+                f"--protocol is {str(value)!r}; it should be one of {', '.join(PROTOCOL_NAMES)}, or a table "
+                "such as TABLE.csv."
+            )
         return super().convert(value, param, ctx)
 
 
@@ -139,7 +154,7 @@ def read_proposal(text: str) -> dict[str, Any]:
 @click.option("--trajectory", metavar="FILE|JSON", help=TRAJECTORY_HELP)
 @click.option("--phase", help="Phase of that run: on_air, contact, motor_bench or free.")
 @click.option("--cable", type=click.Choice(["extension", "flexion", "none"]), help="Cable of that run.")
-@click.option("--out", required=True, type=NEW_FILE, help="Session file to write.")
+@click.option("--out", required=True, type=NEW_SESSION, help="Session file to write (.h5).")
 @json_option
 def simulate(
     protocol: str | None,
@@ -167,6 +182,9 @@ def simulate(
     from fingerlab.twin.protocols import load_preset
     from fingerlab.twin.session import new_seed, write_session
 
+    refuse_same_place({"--out": out, "--json": json_target})
+    if hidden and practice:
+        raise UserError("--hidden and --practice both pick the effect; give one of them.")
     if (hidden or practice) and effects:
         flag = "--hidden" if hidden else "--practice"
         raise UserError(f"{flag} picks the effect itself; leave out --effect, or leave out {flag}.")
@@ -180,6 +198,7 @@ def simulate(
     name, plans = _plans(
         protocol, trajectory, phase, cable, bench.numbers["protocol"]["contact_amplitude_deg"]
     )
+    _refuse_beyond(plans, bench.rig)
     bar, report = progress_bar("Simulating")
     with bar:
         report(0.0, "compiling")
@@ -187,6 +206,25 @@ def simulate(
     click.echo(f"{counted(written.runs, 'run')}, {written.seconds:g} s, written to {out}.", err=True)
     if json_target is not None:
         write_json(written.to_json(), json_target)
+
+
+def _refuse_beyond(plans: Sequence[RunPlan], rig: Rig) -> None:
+    """Refuse runs that the rig's limits do not allow, as a recording of them is.
+
+    Raises:
+        UserError: one goes beyond.
+    """
+    from fingerlab.acquisition.bench.steering import LoopSettings
+    from fingerlab.acquisition.control.units import BenchUnits
+    from fingerlab.acquisition.protocols.driver import refuse_impossible
+    from fingerlab.acquisition.protocols.steps import plan_steps
+
+    steps = plan_steps(plans, min(FORCE_N, rig.limits.force), 0.0)
+    refuse_impossible(steps, LoopSettings(BenchUnits.from_rig(rig), rig.limits))
+
+
+FORCE_N = 0.8
+"""What a contact is found with where nobody says: of no consequence for a bench that is simulated."""
 
 
 def _beside(

@@ -76,6 +76,11 @@ def parsed(text: object, toml: bool = False) -> Any:
         data = tomllib.loads(text) if toml else json.loads(text, parse_int=_whole_number)
     except RecursionError:
         raise ValueError("it is nested too deep") from None
+    except json.JSONDecodeError as error:
+        place = f"line {error.lineno}, column {error.colno}"
+        raise ValueError(
+            "it is empty" if not text.strip() else f"it cannot be read from {place} on"
+        ) from None
     level = [data]
     for _ in range(MOST_LEVELS):
         level = [item for value in level for item in _inside(value, toml)]

@@ -260,13 +260,16 @@ def percent(share: float, counted: bool = False) -> str:
 
 
 def r2_text(r2: float) -> str:
-    """R2 with enough nines to tell good from very good: 0.874, 0.9942, 0.99996; floored, never a false 1."""
+    """R2 with enough nines to tell good from very good: 0.874, 0.9942, 0.99996; rounded, but never to 1."""
     if not math.isfinite(r2):
         return "–"
     if r2 <= 0.9:
         return fixed(r2, 3) if r2 > -10 else "below −10"
     digits = min(max(3, math.ceil(-math.log10(max(1.0 - r2, 1e-12))) + 1), 6)
-    return fixed(math.floor(r2 * 10**digits) / 10**digits, digits)
+    rounded = fixed(r2, digits)
+    if r2 < 1.0 and float(rounded) == 1.0:
+        return fixed(math.floor(r2 * 10**digits) / 10**digits, digits)
+    return rounded
 
 
 _PRINTED = (

@@ -58,7 +58,7 @@ from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.score.selection import justified, lacks_fit
 from fingerlab.diagnosis.search.exchange import ExchangedModel, odds_of_rivals
 from fingerlab.diagnosis.search.grid_refinement import fit_refined, with_shapes_of
-from fingerlab.diagnosis.search.next_effect import held_back
+from fingerlab.diagnosis.search.next_effect import fitted_to_the_end, held_back
 from fingerlab.diagnosis.search.strategy import Found, Question, Stages, search_effects
 from fingerlab.diagnosis.settings import (
     CONSTANTS_ROUNDS,
@@ -308,7 +308,10 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
     replaced = {name: (one.removed,) for name, one in replacing.items()}
     prints = curves.fingerprints if curves else {}
     alone = len(reduction.runs) == 1
-    candidates = _candidates(evidence, probability, chosen, stuck, loose, prints, closer, replaced, alone)
+    told = {**fitted_to_the_end(scorer, evidence), **closer}
+    candidates = _candidates(
+        evidence, probability, chosen, stuck, loose, prints, closer, told, replaced, alone
+    )
     pairs = [(session, run) for (session, _), run in zip(reduction.runs, reduction.analysed, strict=True)]
     each_share, parts = run_shares(pairs, scorer.reduced, evidence.base)
     excluded, excluded_by_motion = excluded_times(reduction, scorer.reduced, evidence.base)
@@ -462,6 +465,7 @@ def _candidates(
     loose: int,
     prints: Mapping[str, Fingerprint],
     closer: Mapping[str, FittedModel],
+    told: Mapping[str, FittedModel],
     replaced: Mapping[str, tuple[str, ...]],
     alone: bool,
 ) -> tuple[Candidate, ...]:
@@ -470,6 +474,7 @@ def _candidates(
     Args:
         chosen: indices of those that cannot be ruled out. stuck: of those at the edge of what is allowed.
         closer: models with an effect's refined shape, or with it in place of a given one, by its id.
+        told: models whose numbers are told in place of those that were judged, by the effect's id.
         replaced: ids of the given effects in whose place an effect is, by its id.
         alone: there is one run, so that none was held out.
     """
@@ -485,6 +490,7 @@ def _candidates(
         least = least_strength(fitted, needed_fall(evidence, fitted))
         shown = loose > 0 if one.special == "slack" else least <= 1.0
         shown = shown or name in replaced or justified(evidence.base, fitted)
+        fitted = told.get(name, fitted)
         result.append(
             Candidate(
                 effect=one.id,

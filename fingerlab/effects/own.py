@@ -275,10 +275,19 @@ def own_name(path: Path) -> str:
     return name
 
 
-def save_own(path: Path, text: str) -> None:
+def how_to_let_in(path: Path) -> str:
+    """What is to be done with a file that was written, the rest of a sentence."""
+    folder = "" if read_settings().folder is not None else f" --folder {path.resolve().parent}"
+    return f"put its law and texts right, then let it in with 'fingerlab effects{folder} --trust {path.name}'"
+
+
+def save_own(path: Path, text: str, choose: bool = True) -> None:
     """Write an effect's file into the folder of own effects; the first one says which folder that is.
 
     Nothing is run by that; a file that is there is replaced.
+
+    Args:
+        choose: remember its folder where none was chosen.
 
     Raises:
         UserError: it belongs elsewhere, or cannot be written.
@@ -288,7 +297,7 @@ def save_own(path: Path, text: str) -> None:
         raise UserError(f"{path.name} should stand in {folder}, where your own effects are; save it there.")
     with whole_file(path) as part:
         part.write_text(text, encoding="utf-8")
-    if folder is None:
+    if folder is None and choose:
         set_folder(path.parent)
 
 

@@ -293,7 +293,8 @@ def _beyond(
         more = "ask for more force, or " if _more_helps(wanted.force, torque) else "choose "
         pushed = amount(torque[at], "N m")
         found.append(
-            f"{significant(wanted.force[at])} N would need a cable that pushes ({pushed}); {more}another pose."
+            f"{significant(wanted.force[at])} N would need a cable that pushes ({pushed}); "
+            f"{more}another pose."
         )
     rise = float(np.abs(np.gradient(torque, 1.0 / WIDE_RATE_HZ)).max()) / motion.radius
     if rise > limits.tension_rise:

@@ -102,6 +102,8 @@ def _object(source: str | Mapping[str, Any], where: str) -> Mapping[str, Any]:
 
 def _number(settings: Mapping[str, Any], name: str, where: str) -> float:
     value = settings.get(name)
+    if value is None:
+        raise UserError(f"{where} lacks {name!r}, a number.")
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
         raise UserError(f"{where} has {name!r} = {value!r}; it should be a finite number.")
     return float(value)

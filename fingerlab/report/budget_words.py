@@ -8,6 +8,7 @@ from math import sqrt
 
 from fingerlab.core.text import decimals_for, fixed, percent, screen_unit, with_minus
 from fingerlab.diagnosis.answer.results import Budget, BudgetPart, Diagnosis
+from fingerlab.diagnosis.equations.parameters import ARMS
 from fingerlab.effects import find_effect
 from fingerlab.report.diagnosis_words import FAMILY_TITLES, effect_title, in_sentence, judged_on
 from fingerlab.report.parameter_words import parameter_title
@@ -33,12 +34,19 @@ PART_HELP = {
 }
 
 MENDS = {
-    "unknown": "No effect of the catalogue tells it. The proposed run shows whether one is missing.",
-    "parameters": "Record more runs, or measure by hand what weighs most: {}.",
+    "unknown": "No effect of the catalogue tells it.",
+    "parameters": "Record more runs: what weighs most is {}.",
     "calibration": "Calibrate anew what weighs most: {}.",
     "between_runs": "Warm the bench up and set the finger down alike before every run.",
     "floor": "No model goes below it; quieter sensors do, and means over many cycles.",
 }
+
+PROPOSED = " The proposed run shows whether one is missing."
+BY_HAND = frozenset(
+    {"proximal_mass", "distal_mass", "mcp_stiffness", "pip_stiffness", "rotor_inertia", *ARMS}
+)
+"""Constants that a scale, a ruler and a weight tell."""
+MEASURED = "Record more runs, or measure by hand what weighs most: {}."
 
 WORTH_NAMING = 0.01
 """Of a squared error; what brings less is not named among what is worth mending."""
@@ -98,19 +106,33 @@ def part_title(part: BudgetPart) -> str:
     return f"{effect_title(part.effect)}{instead}"
 
 
-def mend_words(part: BudgetPart) -> str:
-    """What to do about a part, a sentence; empty where nobody knows."""
+def mend_words(part: BudgetPart, proposed: bool = False) -> str:
+    """What to do about a part, a sentence; empty where nobody knows.
+
+    Args:
+        proposed: the answer proposes a run.
+    """
     if part.kind == "effect":
         one = find_effect(part.effect)
         return "" if one is None else one.mend
-    title = parameter_title(part.parameter, [part.parameter]) if part.parameter else "every constant"
-    return MENDS[part.kind].format(in_sentence(title.replace(", off by", "")))
+    if part.kind == "unknown":
+        return MENDS[part.kind] + (PROPOSED if proposed else "")
+    if part.kind in ("parameters", "calibration") and not part.parameter:
+        return "Record more runs."
+    title = parameter_title(part.parameter, [part.parameter]) if part.parameter else ""
+    by_hand = part.parameter.partition("@")[0] in BY_HAND
+    said = MEASURED if part.kind == "parameters" and by_hand else MENDS[part.kind]
+    return said.format(in_sentence(title.replace(", off by", "")))
 
 
 def main_family(budgets: Mapping[str, Budget]) -> str:
-    """The family that is asked for first: the endpoint force, else the joints' torque, else any."""
+    """The family that is asked for first: the endpoint force, else the joints' torque, else any.
+
+    One that holds nothing to mend is asked for only where no other does.
+    """
     wanted = ("endpoint_force", "joint_torque", "motor_torque")
-    return next((name for name in wanted if name in budgets), next(iter(budgets)))
+    order = [*(name for name in wanted if name in budgets), *(n for n in budgets if n not in wanted)]
+    return next((name for name in order if worth_mending(budgets[name])), order[0])
 
 
 def budget_table(budgets: Mapping[str, Budget]) -> BudgetTable | None:
@@ -135,8 +157,12 @@ def tenths(budget: Budget) -> list[int]:
     return apportioned([1000.0 * part.mean_square / whole for part in budget.parts], 1.0)
 
 
-def budget_lines(budget: Budget) -> tuple[BudgetLine, ...]:
-    """Every part, in the budget's order."""
+def budget_lines(budget: Budget, proposed: bool = False) -> tuple[BudgetLine, ...]:
+    """Every part, in the budget's order; with what mends it where that is worth it.
+
+    Args:
+        proposed: the answer proposes a run.
+    """
     return tuple(
         BudgetLine(
             part.kind,
@@ -145,17 +171,17 @@ def budget_lines(budget: Budget) -> tuple[BudgetLine, ...]:
             part.mean_square,
             _orders(part, budget.mean_square),
             _error(budget, budget.without(part)),
-            mend_words(part),
+            mend_words(part, proposed) if count >= 1000 * WORTH_NAMING else "",
             PART_HELP[part.kind],
         )
         for part, count in zip(budget.parts, tenths(budget), strict=True)
     )
 
 
-def worth_mending(budget: Budget) -> list[BudgetLine]:
+def worth_mending(budget: Budget, proposed: bool = False) -> list[BudgetLine]:
     """What is worth mending, first things first: not the floor, and nothing that brings next to nothing."""
     least = max(WORTH_NAMING * budget.mean_square, 1e-300)
-    lines = [one for one in budget_lines(budget) if one.kind != "floor" and one.fall >= least]
+    lines = [one for one in budget_lines(budget, proposed) if one.kind != "floor" and one.fall >= least]
     return sorted(lines, key=lambda one: -one.fall)[:MOST_NAMED]
 
 
@@ -180,7 +206,10 @@ def mending_sentence(diagnosis: Diagnosis) -> str:
     family = main_family(diagnosis.budget)
     title = in_sentence(FAMILY_TITLES.get(family, family))
     budget = diagnosis.budget[family]
-    found = worth_mending(budget)
+    found = worth_mending(budget, diagnosis.next_experiment is not None)
+    if not found and tenths(budget)[-1] == 1000:
+        whole = _error(budget, sqrt(budget.mean_square))
+        return f"There is nothing to mend: the error of the {title}, {whole}, is no more than its floor."
     if not found:
         return f"Of the error of the {title}, all but the floor is too small to be worth mending."
     first = found[0]
@@ -218,6 +247,7 @@ def mend_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     """Part, share, error without it, and what to do: for a table, of the family that is asked for first."""
     if not diagnosis.budget:
         return []
-    found = worth_mending(diagnosis.budget[main_family(diagnosis.budget)])
+    budget = diagnosis.budget[main_family(diagnosis.budget)]
+    found = worth_mending(budget, diagnosis.next_experiment is not None)
     shares = [f"{_share(one)} (in other orders {one.orders})" if one.orders else _share(one) for one in found]
     return [(one.title, share, one.after, one.how) for one, share in zip(found, shares, strict=True)]

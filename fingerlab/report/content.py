@@ -173,7 +173,7 @@ def _bench_rows(fit: MotorBenchFit) -> tuple[tuple[str, str], ...]:
     return (*rows, ("R2 over all runs", r2_text(fit.r2)), ("Error", f"{1e3 * fit.rmse:.1f} mN m"))
 
 
-VARIANT_TITLES = {"nominal": "Nominal model", "extended": "With the effects"}
+VARIANT_TITLES = {"nominal": "Nominal model", "extended": "Extended model"}
 
 
 @dataclass(frozen=True)

@@ -389,6 +389,34 @@ def path_sentence(diagnosis: Diagnosis) -> str:
     return f"{text}. No further effect earns its place.{left}"
 
 
+def how_to_add(diagnosis: Diagnosis) -> str:
+    """The options that take all of the path; where it begins with another effect than the verdict, why."""
+    added = worth_adding(diagnosis)
+    if diagnosis.better is not None:
+        return f"To exchange it: {_options(diagnosis.better.effects)}"
+    if not added:
+        return ""
+    it = "it" if len(added) == 1 else "them"
+    text = f"To put {it} into the model: {_options((*diagnosis.model, *added))}"
+    if diagnosis.verdict != "missing_effect" or not diagnosis.candidates:
+        return text
+    best = shown_best_first(diagnosis)[0]
+    among_others = len(indistinguishable(diagnosis)) > 1 and added[0] in diagnosis.set
+    if best.effect == added[0] or among_others:
+        return text
+    end, ours = score_text(diagnosis.path[-1].score), score_text(best.score)
+    title = in_sentence(best.title)
+    path = f"{_names(added)}{' together' if len(added) > 1 else ''}"
+    why = f"The path begins with {_names(added[:1])}, although {title} is likelier as the one effect"
+    why += f": {path} leave{'s' * (len(added) == 1)} {end}, {title} alone {ours}"
+    other = "" if best.effect in added else f" For that one: {_options((*diagnosis.model, best.effect))}"
+    return f"{why}. {text}{'.' if other else ''}{other}"
+
+
+def _options(effects: Sequence[str]) -> str:
+    return " ".join(f"--add {name}" for name in effects)
+
+
 def _instead(removed: str | None) -> str:
     """In whose place a step of the path puts its effect; empty where it adds it."""
     return f" in place of {in_sentence(effect_title(removed))}" if removed else ""

@@ -233,10 +233,12 @@ def _contact_part(finger: Finger, found: Mapping[str, ParameterEstimate]) -> Ite
             f"{signed(sign * _value(found, key))}{by}" for key, sign, by in factors if _value(found, key)
         ]
         lines.append(rf"H = {' '.join(sides).removeprefix('+ ') or '0'}")
-        note += (
-            " H: force along its face. u: travel of the tip from where it stands on average. f_H: "
-            "friction of the tip by its travel, F at most. f_1 and on: friction by the swing of F."
-        )
+        there = {by.removeprefix(r"\,") for key, _, by in factors if _value(found, key)}
+        note += " H: force along its face."
+        note += " u: travel of the tip from where it stands on average." if "u" in there else ""
+        note += " f_H: friction of the tip by its travel, F at most." if "f_H" in there else ""
+        if any(by.startswith("f_") and by != "f_H" for by in there):
+            note += " f_1 and on: friction by the swing of F."
     yield EquationPart("Levers of the contact force", tuple(lines), note)
 
 

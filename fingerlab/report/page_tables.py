@@ -217,7 +217,7 @@ def rig_rows(session: Session) -> list[RigRow]:
                 continue
             unit = screen_unit(CONSTANT_UNITS[spec.name], abs(value))
             shown = unit.after(f"{value * unit.factor:.4g}".replace("-", "−"))
-            tolerance = f"± {100 * rig.tolerance_of(spec.name):g} %"
+            tolerance = rig.tolerance_words(spec.name)
             name = "rotor, gearbox and pulley inertia" if spec.name == "inertia" else spec.name
             name = name.replace("_", " ")
             name = {"mcp": "MCP", "pip": "PIP"}.get(name[:3], name[:3].capitalize()) + name[3:]

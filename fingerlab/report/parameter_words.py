@@ -23,6 +23,8 @@ from fingerlab.effects import find_effect
 if TYPE_CHECKING:
     from fingerlab.diagnosis.answer.errors import FittedParameter
 
+GRIPS = ("soft", "middling", "stiff")
+"""Of the tip that slides, by how stiffly it is held sideways: ``SLIP_STIFFNESSES``."""
 TITLES = {
     "arm_mcp": ("Moment arm at the MCP", "m"),
     "arm_pip": ("Moment arm at the PIP", "m"),
@@ -55,7 +57,7 @@ TITLES = {
     "lateral_rub": ("Friction coefficient of the tip", "1"),
     "tip_tilt": ("Tilt of the pressed face", "1"),
     "tip_compliance": ("Compliance of tip and load cell", "m/N"),
-    **{name: (f"Slip of the tip, stiffness {name.rpartition('_')[2]}", "1") for name in SLIPS},
+    **{name: (f"Slip of the tip, {grip} grip", "1") for name, grip in zip(SLIPS, GRIPS, strict=True)},
     **{
         f"{CHANGED_OFFSET}{k}": (f"Offset of the cable, more with change {k}", "m")
         for k in range(1, MOST_CHANGES + 1)

@@ -269,7 +269,8 @@ def set_table(paper: PdfPaper, table: PaperTable) -> None:
     """Write a table where the text stands."""
     if not table.rows:
         return
-    if paper.room() < KEEP[3]:
+    high = (len(table.rows) + bool(table.head) + bool(table.caption)) * _row_height()
+    if paper.room() < min(KEEP[3], high):  # a table of two rows has no page to itself
         paper.add_page()
     if table.caption:
         paper.paragraph(table.caption, quiet=True)
@@ -280,10 +281,14 @@ def set_table(paper: PdfPaper, table: PaperTable) -> None:
     paper.ln(2.5)
 
 
+def _row_height() -> float:
+    """Of a row that is not wrapped, mm."""
+    return SIZES["small"] * MM_PER_POINT * LINE + 2 * ABOVE
+
+
 def _pages(paper: PdfPaper, table: PaperTable) -> list[list[list[str]]]:
     """The rows in one piece; in two where a page would else begin with one or two rows alone."""
-    high = SIZES["small"] * MM_PER_POINT * LINE + 2 * ABOVE
-    here = int(paper.room() // high) - bool(table.head)
+    here = int(paper.room() // _row_height()) - bool(table.head)
     count = len(table.rows)
     if not 0 < count - here < FEWEST_ROWS or count < 2 * FEWEST_ROWS:
         return [table.rows]

@@ -42,6 +42,8 @@ SECTIONS = ("finger", "motor", "daq", "limits")
 """What a rig file tells of a bench; a file with none of them is no rig file."""
 DEFAULT_TOLERANCE = 0.02
 """Relative tolerance of a rig constant that the file says nothing about (session format, version 1)."""
+WITHOUT_TOLERANCE = ("gravity", "gear_ratio")
+"""Constants that are what they are said to be."""
 
 
 @dataclass(frozen=True)
@@ -82,6 +84,12 @@ class Rig:
     def tolerance_of(self, name: str) -> float:
         """Relative tolerance (one standard deviation, unitless) of the constant ``name``."""
         return float(self.tolerance.get(name, DEFAULT_TOLERANCE))
+
+    def tolerance_words(self, name: str) -> str:
+        """``± 2 %``; a dash where a constant of nature or a count of teeth has none that anybody gave."""
+        if name in WITHOUT_TOLERANCE and name not in self.tolerance:
+            return "–"
+        return f"± {100 * self.tolerance_of(name):g} %"
 
     @property
     def ampere(self) -> float:

@@ -296,6 +296,11 @@ def single_run(
     if change.to_json() and cable == "none":
         raise UserError("A known change is one of the finger's bench; leave it out for the motor alone.")
     settings = dict(read_trajectory(trajectory).settings)
+    amplitude = settings.get("amplitude_deg", 1.0)
+    if settings["kind"] not in ("blocked", "file", "torque") and not amplitude > 0:
+        raise UserError(
+            f"The trajectory has 'amplitude_deg' = {amplitude:g}; it should be greater than zero."
+        )
     load = settings.get("load_torque", 0.0)
     if isinstance(load, bool) or not isinstance(load, int | float) or not math.isfinite(load):
         raise UserError(f"The trajectory has 'load_torque' = {load!r}; it should be a torque in N m.")

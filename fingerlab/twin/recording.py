@@ -21,7 +21,7 @@ from fingerlab.core.errors import UserError
 from fingerlab.rig.file import Intervention, intervention_of
 from fingerlab.sessions.model import Array
 from fingerlab.twin.bench import build_bench, draw_truth, place_bench
-from fingerlab.twin.effects import Effects, apply_effects
+from fingerlab.twin.effects import EFFECTS, Effects, apply_effects
 from fingerlab.twin.integrate import run_loop, run_sample
 from fingerlab.twin.plant import BRISTLES, OUTPUTS, STATE, Plant, Sensors, Truth
 from fingerlab.twin.protocols import RATE_HZ, Preset, RunPlan
@@ -49,6 +49,10 @@ class Recorded:
     truth: dict[str, Array]
 
 
+class RanAway(UserError):
+    """The bench left all bounds."""
+
+
 def simulate_session(
     preset: Preset, plans: Sequence[RunPlan], effects: Effects, seed: int, steps: int = STEPS
 ) -> Iterator[Recorded]:
@@ -71,10 +75,31 @@ def simulate_session(
         trajectory = dict(plan.trajectory)
         if plan.phase == "contact" and "offset_deg" not in trajectory and trajectory.get("kind") != "torque":
             if offset_deg is None:
-                offset_deg = approach(preset, truth, effects, plan.cable)
+                try:
+                    offset_deg = approach(preset, truth, effects, plan.cable)
+                except RanAway:
+                    raise UserError(_who_ran_away(effects)) from None
             trajectory["offset_deg"] = offset_deg
         ready = RunPlan(plan.phase, plan.cable, trajectory, plan.load_torque, plan.attributes)
-        yield simulate_run(preset, truth, ready, effects, np.random.default_rng(run_seed), steps)
+        try:
+            recorded = simulate_run(preset, truth, ready, effects, np.random.default_rng(run_seed), steps)
+        except RanAway:
+            raise UserError(_who_ran_away(effects)) from None
+        yield recorded
+
+
+def _who_ran_away(effects: Effects) -> str:
+    """The sentence that names what is beyond its range, and the range."""
+    for name, values in effects.items():
+        for one in EFFECTS[name].parameters:
+            value, unit = values[one.name], one.unit.replace("1", "")
+            if not one.low <= value <= one.high:
+                return (
+                    f"The simulated bench ran away with {name} at {value:g} {unit}".rstrip()
+                    + f"; choose {one.low:g} to {one.high:g} {unit}".rstrip()
+                    + "."
+                )
+    return f"The simulated bench ran away with {', '.join(effects) or 'no effect'}; choose weaker effects."
 
 
 def simulate_run(
@@ -152,9 +177,7 @@ def pull(
 
 def _outcome(out: Array) -> dict[str, Array]:
     if not np.isfinite(out).all():
-        raise UserError(
-            "The simulated bench ran away; choose effect strengths within the range that the catalogue gives."
-        )
+        raise RanAway("The simulated bench ran away; choose effect strengths within their ranges.")
     return {name: out[:, k].copy() for k, name in enumerate(OUTPUTS)}
 
 

@@ -362,6 +362,18 @@ def test_bad_calls_are_one_sentence(tree: Path, tmp_path: Path, finished: Finish
     assert not out.exists()
 
 
+def test_a_recording_that_is_there_twice_is_told(finished: Finished, bench: Path, tmp_path: Path) -> None:
+    """A copy is not diagnosed again; that it counts twice is said once."""
+    folder, table = tmp_path / "sessions", tmp_path / "T.parquet"
+    shutil.copytree(bench, folder)
+    shutil.copy(folder / "2026-1" / "m1.h5", folder / "2026-1" / "once-more.h5")
+    shutil.copy(finished.table, table)
+    told = call(folder, "--out", table).stderr
+    assert told.count("hold the same recording and count twice") == 1
+    assert "2026-1/m1.h5" in told
+    assert "2026-1/once-more.h5" in told
+
+
 def test_json_alone_goes_to_standard_output(finished: Finished, bench: Path, tmp_path: Path) -> None:
     table = tmp_path / "T.parquet"
     shutil.copy(finished.table, table)

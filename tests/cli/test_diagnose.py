@@ -118,6 +118,21 @@ def test_candidates_are_complete_and_the_best_comes_first(answer: dict[str, Any]
     assert shares == sorted(shares, reverse=True)
 
 
+def test_what_each_effect_leaves_is_told_of_a_fit_to_the_end(
+    answer: dict[str, Any], session_file: Path
+) -> None:
+    """A model with one effect more can do as well as that without, and about as ``--add`` says.
+
+    Judged by the first step of a fit alone, friction of the joints was told to leave ten times as much.
+    """
+    scores = {c["effect"]: c["score"] for c in answer["candidates"]}
+    assert max(scores.values()) < 1.05 * answer["score"]
+    code, out, err = call("diagnose", session_file, "--add", "viscous_friction", "--json", "-")
+    assert code == 0, err
+    # The floors are those of two last models; what a first step leaves is far beyond that.
+    assert scores["viscous_friction"] == pytest.approx(json.loads(out)["score"], rel=0.2)
+
+
 def test_probabilities_sum_to_one_with_the_two_other_verdicts(answer: dict[str, Any]) -> None:
     others = answer["probability_nothing_missing"] + answer["probability_not_in_catalogue"]
     assert sum(c["probability"] for c in answer["candidates"]) + others == pytest.approx(1.0, abs=1e-9)

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
 
 import pytest
 
-from fingerlab.diagnosis.answer.budget import error_budget
+from fingerlab.diagnosis.answer.budget import error_budget, still_gone
 from fingerlab.diagnosis.answer.errors import equation_errors
-from fingerlab.diagnosis.answer.results import Budget, EquationError, PathStep
+from fingerlab.diagnosis.answer.results import Budget, BudgetPart, EquationError, PathStep
 from fingerlab.diagnosis.equations.model import Choice
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.settings import FULL_ITERATIONS
 from fingerlab.effects import effect
+from fingerlab.report.budget_words import budget_lines, main_family, mending_sentence, worth_mending
 from tests.reduced import reduce_sessions
+from tests.ui import invented
 
 from . import closed_form as made
 
@@ -50,7 +54,7 @@ def test_parts_sum_to_the_squared_error(both: tuple[dict[str, Budget], dict[str,
     for name, budget in budgets.items():
         assert budget.mean_square == pytest.approx(errors[name].rmse ** 2, rel=1e-12)
         assert sum(part.mean_square for part in budget.parts) == pytest.approx(budget.mean_square, rel=1e-12)
-        assert all(part.mean_square >= 0.0 for part in budget.parts if part.kind != "effect")
+        assert all(0.0 <= part.mean_square <= budget.mean_square for part in budget.parts)
         plain = budget.to_json()
         assert sum(part["share"] for part in plain["parts"]) == pytest.approx(1.0, rel=1e-12)
 
@@ -68,6 +72,8 @@ def test_in_any_order_the_effects_together_are_the_same(
         for part in parts:
             assert part.low is not None
             assert part.high is not None
+            assert part.low >= 0.0
+            assert part.high <= budget.mean_square
             assert part.low - 1e-15 <= part.mean_square <= part.high + 1e-15
 
 
@@ -86,3 +92,65 @@ def test_what_no_effect_tells_is_the_unknown() -> None:
     parts = {part.kind: part.mean_square for part in budget.parts}
     assert parts["unknown"] > 0.75 * budget.mean_square
     assert 0.0 < parts["floor"] < 0.1 * budget.mean_square
+
+
+@pytest.mark.parametrize(
+    ("levels", "kept"),
+    [
+        ([100.0, 20.0, 60.0], [100.0, 60.0, 60.0]),  # what the second brings back the first never took
+        ([100.0, 250.0, 30.0], [100.0, 100.0, 30.0]),
+        ([100.0, 174.0], [100.0, 100.0]),
+        ([100.0], [100.0]),
+    ],
+)
+def test_what_comes_back_never_went(levels: list[float], kept: list[float]) -> None:
+    assert still_gone(levels) == kept
+
+
+def test_an_error_below_the_last_models_floor_is_all_floor(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An effect that makes an error larger has no part of it, and there is nothing to mend."""
+    import fingerlab.diagnosis.answer.budget as module
+
+    plain = module.equation_errors
+
+    def raised(*asked: Any, **also: Any) -> dict[str, EquationError]:
+        """Ten times the noise in the last model, whatever it is asked."""
+        found = plain(*asked, **also)
+        return {n: replace(e, rmse=10 * e.rmse, floor=10 * e.floor) for n, e in found.items()}
+
+    monkeypatch.setattr(module, "equation_errors", raised)
+    budget = told(made.Missing(), ("viscous_friction",))[0]["joint_torque"]
+    shares = {part.kind: part.mean_square / budget.mean_square for part in budget.parts}
+    assert shares.pop("floor") == pytest.approx(1.0, rel=1e-12)
+    assert set(shares.values()) == {0.0}
+    assert not worth_mending(budget)
+    assert main_family({"endpoint_force": budget, "joint_torque": to_mend()}) == "joint_torque"
+    said = mending_sentence(replace(invented.nominal_diagnosis("s.h5"), budget={"joint_torque": budget}))
+    assert said.startswith("There is nothing to mend: the error of the joint torque, ")
+
+
+def to_mend() -> Budget:
+    return Budget("N m", 1e-6, (BudgetPart("unknown", 6e-7), BudgetPart("floor", 4e-7)))
+
+
+def test_advice_points_at_something() -> None:
+    """A run only where one is proposed; a ruler only for what it tells; nothing below a hundredth."""
+    unknown, floor = budget_lines(to_mend())
+    assert (unknown.tenths, unknown.how) == (600, "No effect of the catalogue tells it.")
+    assert budget_lines(to_mend(), proposed=True)[0].how.endswith(
+        "The proposed run shows whether one is missing."
+    )
+    parts = (
+        BudgetPart("parameters", 3e-7, parameter="lateral_slip_2"),
+        BudgetPart("parameters", 3e-7, parameter="distal_mass"),
+        BudgetPart("calibration", 1e-9, parameter="force_gain"),
+        BudgetPart("calibration", 1e-7, parameter="force_gain"),
+    )
+    said = [one.how for one in budget_lines(Budget("N m", 1e-6, parts))]
+    assert said == [
+        "Record more runs: what weighs most is slip of the tip, soft grip.",
+        "Record more runs, or measure by hand what weighs most: distal mass.",
+        "",
+        "Calibrate anew what weighs most: load cell's gain.",
+    ]
+    assert floor.how.startswith("No model goes below it")

@@ -138,7 +138,7 @@ def test_the_command_drafts_writes_and_the_effect_is_ranked(
     law = json.loads(Path("d.json").read_text(encoding="utf-8"))["draft"][0]
     assert law["terms"][0]["variables"] == ["motor speed"]
     assert law["score"] < law["catalogue"]["score"]
-    assert run_command("effects", "--trust", "air_drag.py") == 0
+    assert run_command("effects", "--folder", tmp_path, "--trust", "air_drag.py") == 0
     assert run_command("diagnose", "s.h5", "--json", "again.json") == 0
     again = json.loads(Path("again.json").read_text(encoding="utf-8"))
     assert again["candidates"][0]["effect"] == "air_drag"

@@ -134,6 +134,8 @@ def fill(shelf: Path) -> None:
     shutil.copy(ROOT / "docs" / "own_effect_example.py", shelf / "my-effects")
     (shelf / "recordings").mkdir()
     shutil.copy(shelf / "session.h5", shelf / "recordings")
+    with h5py.File(shelf / "recordings" / "session.h5", "r+") as file:
+        file.attrs["notes"] = "of another day"  # the same file twice would be refused
     for bench in ("left", "right"):  # the same runs, so that they are diagnosed once
         (shelf / "benches" / bench).mkdir(parents=True)
         shutil.copy(shelf / "session.h5", shelf / "benches" / bench)

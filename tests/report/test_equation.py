@@ -117,7 +117,11 @@ def test_balance_and_levers_have_the_signs_of_the_theory() -> None:
         r"\mathrm{LHS}_1 = -0.0116\,T - 6.7\times 10^{-5} - 5\times 10^{-5}\,\dot\theta_1 - 0.98\,F\,\ell_1"
         r" - H\,\lambda_1 - \tau_1\qquad\mathrm{(extension\ cable)}"
     )
-    assert r"H = 0.04\,F" in parts["Levers of the contact force"].lines
+    levers = parts["Levers of the contact force"]
+    assert r"H = 0.04\,F" in levers.lines
+    assert (
+        levers.note == "F: what the load cell reads. H: force along its face."
+    )  # no symbol that is not there
     assert parts["Coulomb joint friction"].lines == (r"\tau_j = C_j\,z(\theta_j;\delta)",)
     assert r"\tau_m" not in parts["Cable tension from the motor"].lines[0]
     plain = {part.title: part for part in final_equation(model(), default_rig()).parts}

@@ -78,6 +78,9 @@ def test_every_colour_and_font_that_is_used_is_defined(found_page) -> None:
     defined = set(re.findall(r"--([a-z_]+):", page))
     assert set(re.findall(r"var\(--([a-z_]+)\)", page)) <= defined
     assert "#0072B2" in page  # modelled, in light
+    style = page[page.index("<style>") : page.index("</style>")]
+    assert "[&" not in style  # lists of colours are for other pictures
+    assert "--over:" not in style
     assert "prefers-color-scheme: dark" in page
     assert "@media print" in page
 
@@ -226,6 +229,7 @@ def test_the_recording_is_told_with_its_constants_and_hash(write_page, bare, tmp
     assert rig["MCP stiffness"] == ["120 mN m/rad", "± 10 %", "the session file"]
     assert rig["Wrist angle"] == ["15°", "± 2 %", "the session file"]
     assert rig["Pulley radius"] == ["15 mm", "± 2 %", "the session file"]
+    assert rig["Gravity"][1] == rig["Gear ratio"][1] == "–"
     footer = words(next(root.iter(f"{XHTML}footer")))
     assert hashlib.sha256((tmp_path / "session.h5").read_bytes()).hexdigest() in footer
     assert f"FingerLab {fingerlab.__version__}" in footer

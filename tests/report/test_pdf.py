@@ -168,6 +168,11 @@ def test_no_page_begins_with_a_single_row_or_the_end_of_a_short_paragraph() -> N
         pages = [page.extract_text() for page in PdfReader(io.BytesIO(bytes(paper.output()))).pages]
         assert sum(page.count("row ") for page in pages) == 10
         assert [page.count("row ") for page in pages[1:]] == [last] * (last > 0), left
+    for left, pages_taken in ((3.5, 1), (2.5, 2)):  # head and two rows are three lines
+        paper = PdfPaper("title")
+        paper.set_y(paper.h - paper.b_margin - left * 4.96)
+        set_table(paper, PaperTable("", ["what", "hash"], rows[:2], [False, True]))
+        assert len(PdfReader(io.BytesIO(bytes(paper.output()))).pages) == pages_taken, left
     paper = PdfPaper("title")
     paper.set_y(paper.h - paper.b_margin - 6.0)
     paper.paragraph("These words are so many that they need two lines and more of a page. " * 2)

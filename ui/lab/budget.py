@@ -56,9 +56,9 @@ class BudgetPlot(QuietPlot):
         self._family = ""
         self._budget: Budget | None = None
 
-    def show_budget(self, family: str, budget: Budget) -> None:
-        """Another family's parts."""
-        self._family, self._budget, self.lines = family, budget, budget_lines(budget)
+    def show_budget(self, family: str, budget: Budget, proposed: bool = False) -> None:
+        """Another family's parts; ``proposed``: the answer proposes a run."""
+        self._family, self._budget, self.lines = family, budget, budget_lines(budget, proposed)
         self.redraw()
 
     def redraw(self) -> None:
@@ -134,6 +134,7 @@ class BudgetDialog(QDialog):
         self.setWindowTitle("What would mend the error – FingerLab")
         resize_on_screen(self, WIDTH, HEIGHT)
         self._budgets: Mapping[str, Budget] = {}
+        self._proposed = False
         self.words = described(WholeLabel(), "budgetWords", font=small_font())
         self.family = described(QComboBox(), "budgetFamily", accessible="Error of")
         self.family.currentIndexChanged.connect(lambda _row: self._show())
@@ -149,7 +150,7 @@ class BudgetDialog(QDialog):
 
     def show_diagnosis(self, diagnosis: Diagnosis) -> None:
         """The parts of another model's errors."""
-        self._budgets = diagnosis.budget
+        self._budgets, self._proposed = diagnosis.budget, diagnosis.next_experiment is not None
         known = bool(self._budgets)
         self.words.setText(mending_sentence(diagnosis) or "It is not known what these errors are made of.")
         wanted = str(self.family.currentData() or "")
@@ -169,7 +170,7 @@ class BudgetDialog(QDialog):
         name = str(self.family.currentData() or "")
         if name not in self._budgets:
             return
-        self.plot.show_budget(name, self._budgets[name])
+        self.plot.show_budget(name, self._budgets[name], self._proposed)
         lines = self.plot.lines
         rows = [(one.title, self.plot.share(one), one.orders, one.after, one.how) for one in lines]
         self.table.show_rows(rows, stretched=len(COLUMNS) - 1)

@@ -28,6 +28,7 @@ from fingerlab.rig.file import Rig
 from fingerlab.rig.limits import BENCH_LIMITS, LIMIT_UNITS
 
 EMERGENCY_STOP, READY, DEAD_MAN = "lines/emergency_stop", "lines/amplifier_ready", "drive/dead_man"
+LINE_STEPS = (EMERGENCY_STOP, READY)
 DEAD_MAN_TITLES = {DEAD_MAN: "No current without the dead-man's beat"}
 
 HELD_CURRENT = 0.5 * TEST_CURRENT

@@ -20,6 +20,8 @@ from typing import Any
 
 from fingerlab.acquisition.bench.bench import Bench
 from fingerlab.acquisition.check_rig.channels import (
+    CHANNELS,
+    CLEARED,
     OUTPUT_TITLES,
     PACING_TITLES,
     channels_at_rest,
@@ -30,8 +32,10 @@ from fingerlab.acquisition.check_rig.channels import (
     scaling,
 )
 from fingerlab.acquisition.check_rig.driving import (
+    DEAD_MAN,
     DEAD_MAN_TITLES,
     DRIVE_TITLES,
+    LINE_STEPS,
     NOT_WIRED,
     dead_man,
     drive,
@@ -58,6 +62,7 @@ from fingerlab.core.plain_data import read_object
 from fingerlab.devices.choosing import OWN, DeviceChoice
 from fingerlab.rig.daq import SOURCES, plain_section
 from fingerlab.rig.file import Rig
+from fingerlab.rig.limits import BENCH_LIMITS
 
 UNCHECKED_SHARE = 0.1
 """Of the rig's limit of the current; so much a bench gets that nobody has checked."""
@@ -292,6 +297,15 @@ def _failed(step: Step, look: Look, sentence: str) -> Outcome:
     return Outcome(step.name, "The bench reported a fault", FAILED, sentence)
 
 
+def questions() -> tuple[str, ...]:
+    """The steps that may ask something, in their order, of whatever bench."""
+    hand = [f"{name}/{channel}" for name in ("moved", "scale") for channel in CHANNELS[:3]]
+    return (
+        *(f"rest/{channel}" for channel in CHANNELS), *hand, "encoder", *LINE_STEPS,
+        *(f"limits/{name}" for name in BENCH_LIMITS), "assumptions", CLEARED, "drive", DEAD_MAN, "stop",
+    )  # fmt: skip
+
+
 def check_answers(given: Mapping[str, str], all_yes: bool, simulated: bool) -> None:
     """What may be answered before anybody has seen the bench: all of it for the simulated rig alone.
 
@@ -299,8 +313,12 @@ def check_answers(given: Mapping[str, str], all_yes: bool, simulated: bool) -> N
     never let a motor run.
 
     Raises:
-        UserError: more was answered.
+        UserError: more was answered, or what no step asks.
     """
+    asked = questions()
+    strange = next((step for step in given if step not in asked), None)
+    if strange is not None:
+        raise UserError(f"--answer names the step '{strange}'; the steps that ask are {', '.join(asked)}.")
     yes = [step for step, answer in given.items() if answer == "yes"]
     if simulated or not (all_yes or yes):
         return

@@ -12,32 +12,32 @@ and the floor, each with less of it; what one step takes away is a part:
 * the *floor*: what does not repeat from cycle to cycle, by the last model,
 * the *unknown*: what is left.
 
-An effect that mends one family may cost another a little: its part is negative there. Of the others none is,
-for each is cut where nothing is left to take from.
+No part is below nothing or above the whole. What one effect takes away and a later one brings back is no
+fall: an effect has what is still gone at the end of the path. An error that no model of the path lowers, and
+one below the last model's floor, is all floor and what is left: there is nothing to mend.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from itertools import combinations
-from math import comb
+from itertools import combinations, permutations
 
 import numpy as np
 
 from fingerlab.diagnosis.answer.errors import equation_errors, squares_by_family
 from fingerlab.diagnosis.answer.results import Budget, BudgetPart, EquationError, PathStep
-from fingerlab.diagnosis.equations.parameters import CABLE_OFFSET, LOSSES, TORQUE_ZERO
+from fingerlab.diagnosis.equations.parameters import CABLE_OFFSET, TORQUE_ZERO
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.settings import FULL_ITERATIONS
 from fingerlab.sessions.model import Array
 
 CALIBRATION = frozenset(
-    {"torque_gain", TORQUE_ZERO, "force_gain", "load_gain", *LOSSES, CABLE_OFFSET, "delay", "bench_offset"}
+    {"torque_gain", TORQUE_ZERO, "force_gain", "load_gain", CABLE_OFFSET, "delay", "bench_offset"}
 )
-"""Unknowns of the sensors: gains of the current and of the load cell, zeros of the current, of a joint (which
-shows as a constant torque) and of the motor, and the clock between the channels."""
+"""Unknowns of the sensors: gains of the current and of the load cell, zeros of the current and of the motor,
+and the clock between the channels. A joint's constant torque may be its zero or its friction: it is none."""
 
 MOST_ORDERED = 4
 """Effects whose every order is tried: each further one doubles the models that have to be fitted."""
@@ -56,6 +56,7 @@ def error_budget(
     models = [base, *(scorer.score_held_out(one, residuals=True) for one in path[1:])]
     levels = [{name: error.rmse**2 for name, error in errors.items()}]
     levels += [_squares(scorer, one) for one in models[1:]]
+    kept = {name: still_gone([level[name] for level in levels]) for name in errors}
     last = models[-1]
     seen = _squares(scorer, scorer.residuals_in_sample(last))
     alike = _squares(scorer, scorer.residuals_in_sample(last, own=True))
@@ -67,14 +68,14 @@ def error_budget(
     spreads = _spreads(scorer, last)
     result = {}
     for name, error in errors.items():
-        whole, after = levels[0][name], levels[-1][name]
+        whole, after = kept[name][0], kept[name][-1]
         ends = np.minimum.accumulate([after, seen[name], alike[name], floors[name]])
         uncertain, between, unknown = ends[:-1] - ends[1:]
         sensors, by_sensor, by_bench = spreads[name]
         parts = []
         for k, step in enumerate(steps[1:]):
             low, high, average = falls[name][k] if falls[name] else (None, None, None)
-            fall = levels[k][name] - levels[k + 1][name]
+            fall = kept[name][k] - kept[name][k + 1]
             parts.append(BudgetPart("effect", fall, step.added or "", step.removed or "", low, high, average))
         parts += [
             BudgetPart("unknown", unknown),
@@ -87,6 +88,12 @@ def error_budget(
             error.unit, whole, tuple(replace(p, mean_square=float(p.mean_square)) for p in parts)
         )
     return result
+
+
+def still_gone(levels: Sequence[float]) -> list[float]:
+    """Squared errors along a path where what comes back later never went; none is above the first."""
+    after = np.maximum.accumulate(levels[:0:-1])[::-1]
+    return [levels[0], *(float(one) for one in np.minimum(after, levels[0]))]
 
 
 def _squares(scorer: Scorer, fitted: FittedModel) -> dict[str, float]:
@@ -105,7 +112,7 @@ def _in_any_order(
 ) -> dict[str, Falls]:
     """By how much each effect of the path lets an error fall, whatever stands in the model already.
 
-    The average is Shapley's: every order counts the same.
+    The average is over orders, each of which counts the same, as Shapley's is.
     """
     families, end = list(levels[0]), models[-1]
     names = [step.added for step in steps[1:] if step.added and not step.removed]
@@ -122,13 +129,12 @@ def _in_any_order(
                 known[chosen] = _squares(scorer, scorer.score_held_out(fitted, residuals=True))
     result: dict[str, Falls] = {}
     for family in families:
-        falls: Falls = []
-        for name in names:
-            before = [held for held in known if name not in held]
-            each = [known[held][family] - known[held | {name}][family] for held in before]
-            orders = [1.0 / (len(names) * comb(len(names) - 1, len(held))) for held in before]
-            falls.append((min(each), max(each), float(np.dot(each, orders))))
-        result[family] = falls
+        falls: dict[str, list[float]] = {name: [] for name in names}
+        for order in permutations(names):
+            along = still_gone([known[frozenset(order[:k])][family] for k in range(len(order) + 1)])
+            for name, before, after in zip(order, along, along[1:], strict=False):
+                falls[name].append(before - after)
+        result[family] = [(min(each), max(each), float(np.mean(each))) for each in falls.values()]
     return result
 
 

@@ -345,3 +345,21 @@ def rescore(scorer: Scorer, evidence: Evidence, weights: Weights) -> Evidence:
             scorer.score_held_out(new) if old.held_out else _as_held_out(base, scorer.score_in_sample(new))
         )
     return replace(evidence, base=base, candidates=tuple(scored))
+
+
+def fitted_to_the_end(scorer: Scorer, evidence: Evidence) -> dict[str, FittedModel]:
+    """Candidates that were judged by a first step of a fit, fitted to the end and held out, by effect's id.
+
+    A first step is enough to see that others explain far more, and no number to be told: of a friction that
+    bends the moment arms it left fifty floors where the fit leaves five.
+    """
+    found = {}
+    for old in (one for one in evidence.candidates if not one.held_out):
+        new = scorer.score_held_out(scorer.fit(old.choices, old, FULL_ITERATIONS))
+        if (
+            new.misfit > evidence.base.misfit
+        ):  # it began too far off: a model with one effect more can do as well
+            anew = scorer.score_held_out(scorer.fit(old.choices, evidence.base, FULL_ITERATIONS, old.weights))
+            new = min(new, anew, key=lambda one: one.misfit)
+        found[old.last_effect.id] = replace(new, sensitivity=old.sensitivity)
+    return found
