@@ -70,9 +70,10 @@ def limited_noise(group: Group, signals: IntArray) -> tuple[Array, Array, Array]
         slack = _limited(limited, whole.loose[square] / max(whole.slack_samples, 1))
         taut = every - whole.loose[square]
         limited = _limited(limited, taut / max(samples, 1))
-    if whole.rest is None or samples <= whole.rest_samples:
+    # Where a motor alone sticks, what acts there alone has its noise there: taken from the motion it would
+    # leave less than nothing. A finger that stands has the noise of its own sensors at all times.
+    if whole.rest is None or not group.on_bench or samples <= whole.rest_samples:
         return slack, limited, limited
-    # What acts at rest alone has its noise there: taken from the motion it would leave less than nothing.
     moving = _limited(limited, (taut - whole.rest[square]) / (samples - whole.rest_samples))
     return slack, moving, _limited(limited, whole.rest[square] / max(whole.rest_samples, 1))
 
