@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from fingerlab.diagnosis.settings import TOLERANCES, USUAL_RATIOS, USUAL_SPREAD
+from fingerlab.diagnosis.settings import ARM_RATIO_SPREADS, USUAL_RATIOS, USUAL_SPREAD
 from fingerlab.effects import CATALOGUE
 from fingerlab.twin.protocols import Preset
 
@@ -54,7 +54,7 @@ def held_by(preset: Preset) -> frozenset[str]:
         "viscous_friction": any(n["joints"]["viscous"]),
         "motor_viscous_friction": n["motor"]["viscous"] > 0,
         "motor_inertia": n["motor"]["inertia"] > 0 and preset.rig.motor.inertia is None,
-        "routing_change": math.hypot(*off) > TOLERANCES,
+        "routing_change": math.hypot(*off) > ARM_RATIO_SPREADS,
     }
     return frozenset(preset.effects) | {name for name, held in numbers.items() if held}
 

@@ -26,6 +26,7 @@ from fingerlab.diagnosis.score.fitted_model import FittedModel, at_assumed_bound
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.score.selection import justified, lacks_fit, log_odds_among
 from fingerlab.diagnosis.settings import (
+    ASTRAY,
     CANDIDATES_REFITTED,
     FULL_ITERATIONS,
     HELD_OUT_TRIALS,
@@ -348,18 +349,17 @@ def rescore(scorer: Scorer, evidence: Evidence, weights: Weights) -> Evidence:
 
 
 def fitted_to_the_end(scorer: Scorer, evidence: Evidence) -> dict[str, FittedModel]:
-    """Candidates that were judged by a first step of a fit, fitted to the end and held out, by effect's id.
+    """Candidates that a first step led far above the model as given, fitted to the end, by effect's id.
 
-    A first step is enough to see that others explain far more, and no number to be told: of a friction that
-    bends the moment arms it left fifty floors where the fit leaves five.
+    A first step is enough to see that others explain far more, and no number to be told where it leads away:
+    of a friction that bends the moment arms it left fifty floors where the fit leaves five.
     """
-    found = {}
-    for old in (one for one in evidence.candidates if not one.held_out):
+    found, base = {}, evidence.base
+    astray = (one for one in evidence.candidates if not one.held_out and one.score > ASTRAY * base.score)
+    for old in astray:
         new = scorer.score_held_out(scorer.fit(old.choices, old, FULL_ITERATIONS))
-        if (
-            new.misfit > evidence.base.misfit
-        ):  # it began too far off: a model with one effect more can do as well
-            anew = scorer.score_held_out(scorer.fit(old.choices, evidence.base, FULL_ITERATIONS, old.weights))
+        if new.misfit > base.misfit:  # it began too far off: one effect more can do as well
+            anew = scorer.score_held_out(scorer.fit(old.choices, base, FULL_ITERATIONS, old.weights))
             new = min(new, anew, key=lambda one: one.misfit)
         found[old.last_effect.id] = replace(new, sensitivity=old.sensitivity)
     return found
