@@ -108,7 +108,8 @@ def find_scales(sessions: Sequence[Session]) -> Scales:
     spreads = [float(torque.std()) for run in bench if len(torque := _moving(run, "motor_torque"))]
     if not spreads:
         return SI
-    return Scales(_relative(float(np.median(spreads)), USUAL_TORQUE_SPREAD), 1.0, _time_of(bench))
+    turns = not any(isinstance(session.rig.extra.get("axis"), Mapping) for session in sessions)
+    return Scales(_relative(float(np.median(spreads)), USUAL_TORQUE_SPREAD), 1.0, _time_of(bench, turns))
 
 
 def is_still(position: Array) -> bool:
@@ -131,8 +132,9 @@ def _length_of(finger: Finger) -> float:
     return finger.proximal_half_length + finger.distal_half_length
 
 
-def _time_of(runs: Sequence[Run]) -> float:
-    paces = [pace for run in runs if (pace := _pace(run)) > 0]
+def _time_of(runs: Sequence[Run], turns: bool = False) -> float:
+    """``turns``: the motor is one that can turn on, and no axis along a line."""
+    paces = [pace for run in runs if (pace := _pace(run, turns)) > 0]
     if not paces:
         return 1.0
     usual = round(math.log2(USUAL_PACE / float(np.median(paces))))
@@ -166,11 +168,11 @@ def _moving(run: Run, channel: str, most: int = PACE_SAMPLES) -> Array:
     return values if len(values) >= 16 and np.isfinite(values).all() else np.zeros(0)
 
 
-def _pace(run: Run) -> float:
+def _pace(run: Run, turns: bool = False) -> float:
     """Speed over travel of the motor, both root mean square, rad/s per rad; 0 where it does not move.
 
-    Of the strongest lines of its motion, so that neither noise nor the encoder's steps count. A motor that
-    turns on has no travel: what depends on its angle comes again sooner.
+    Of the strongest lines of its motion, so that neither noise nor the encoder's steps count. What depends on
+    the angle comes again the sooner, the further it moves; of a motor that turns on its torque says how soon.
     """
     frequency, amplitude = commanded_frequency(run), run.trajectory.get("amplitude_deg")
     if frequency is not None:
@@ -188,9 +190,10 @@ def _pace(run: Run) -> float:
     lines = order[: int(np.searchsorted(together, MOVING_SHARE * together[-1])) + 1]
     line = 2.0 * math.pi * run.sample_rate_hz / len(position)
     pace = line * float(np.sqrt(np.sum(power[lines] * lines.astype(float) ** 2) / np.sum(power[lines])))
-    if np.ptp(moved) > 2.0 * math.pi:
-        return max(pace, _torque_pace(run))
-    return pace * max(1.0, float(moved.std()) / USUAL_TRAVEL)
+    on = np.ptp(moved) > 2.0 * math.pi
+    if not (turns and on):
+        pace *= max(1.0, float(moved.std()) / USUAL_TRAVEL)
+    return max(pace, _torque_pace(run)) if on else pace
 
 
 def _torque_pace(run: Run) -> float:
