@@ -43,6 +43,8 @@ PHASE_WORDS = {
 NOTHING_WORDS, UNKNOWN_WORDS = "Nothing missing", "Not in the catalogue"
 """The two outcomes that are no effect; both are results."""
 
+WORTH_A_DRAFT = 3.0
+"""Floors from which on a path's end leaves so much that the catalogue hardly holds what it is (assumed)."""
 UNEXPLAINED = 1.25
 """From this multiple of the floor on, the page says that something is left; below it is scatter, assumed."""
 
@@ -386,6 +388,7 @@ def path_sentence(diagnosis: Diagnosis) -> str:
         f"From {score_text(diagnosis.path[0].score)} the error comes down with {', then with '.join(steps)}"
     )
     left = " What then remains above the floor is not explained." if last > UNEXPLAINED else ""
+    left += " A law of it can be drafted (--draft, or Draft a law)." if last > WORTH_A_DRAFT else ""
     return f"{text}. No further effect earns its place.{left}"
 
 
