@@ -62,7 +62,9 @@ def apply(bench: Plant, v: Values) -> None:
 
 EFFECT = PlantEffect("seal_drag", (constant("drag", "N m s/rad", 6e-3, 1e-3, 2e-2),), DRIVE, apply)
 '''
-SWING = json.dumps({"kind": "sine", "amplitude_deg": 50.0, "frequency_hz": 0.8, "duration_s": 8.0})
+SWING = json.dumps(
+    {"kind": "sine", "amplitude_deg": 50.0, "offset_deg": 60.0, "frequency_hz": 0.8, "duration_s": 8.0}
+)
 LISTED = """
 import json
 from fingerlab.effects import CATALOGUE
