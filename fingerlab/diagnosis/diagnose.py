@@ -250,12 +250,13 @@ def zero_is_confounded(runs: Sequence[Run]) -> bool:
     """
     ways, loads = [], []
     for run in runs:
-        position = run.channel("motor_position")[:: max(run.length // ONE_WAY_POINTS, 1)]
+        every = slice(None, None, max(run.length // ONE_WAY_POINTS, 1))
+        position = run.channel("motor_position")[every]
         moves = np.diff(position[np.isfinite(position)])
         travel = float(np.abs(moves).sum())
         ways.append(float(moves.sum()) / travel if travel > 0 else 0.0)
         if run.has("load_torque"):
-            loads.append(run.channel("load_torque"))
+            loads.append(run.channel("load_torque")[every])
     one_way = min(map(abs, ways)) > ONE_WAY and min(ways) < 0 < max(ways)
     between = float(np.ptp([np.nanmean(one) for one in loads])) if loads else 0.0
     within = max((float(np.nanstd(one)) for one in loads), default=0.0)
@@ -308,9 +309,9 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
     replaced = {name: (one.removed,) for name, one in replacing.items()}
     prints = curves.fingerprints if curves else {}
     alone = len(reduction.runs) == 1
-    told = {**fitted_to_the_end(scorer, evidence), **closer}
+    reported = {**fitted_to_the_end(scorer, evidence), **closer}
     candidates = _candidates(
-        evidence, probability, chosen, stuck, loose, prints, closer, told, replaced, alone
+        evidence, probability, chosen, stuck, loose, prints, closer, reported, replaced, alone
     )
     pairs = [(session, run) for (session, _), run in zip(reduction.runs, reduction.analysed, strict=True)]
     each_share, parts = run_shares(pairs, scorer.reduced, evidence.base)
@@ -465,7 +466,7 @@ def _candidates(
     loose: int,
     prints: Mapping[str, Fingerprint],
     closer: Mapping[str, FittedModel],
-    told: Mapping[str, FittedModel],
+    reported: Mapping[str, FittedModel],
     replaced: Mapping[str, tuple[str, ...]],
     alone: bool,
 ) -> tuple[Candidate, ...]:
@@ -474,7 +475,7 @@ def _candidates(
     Args:
         chosen: indices of those that cannot be ruled out. stuck: of those at the edge of what is allowed.
         closer: models with an effect's refined shape, or with it in place of a given one, by its id.
-        told: models whose numbers are told in place of those that were judged, by the effect's id.
+        reported: models whose numbers are told in place of those that were judged, by the effect's id.
         replaced: ids of the given effects in whose place an effect is, by its id.
         alone: there is one run, so that none was held out.
     """
@@ -490,7 +491,7 @@ def _candidates(
         least = least_strength(fitted, needed_fall(evidence, fitted))
         shown = loose > 0 if one.special == "slack" else least <= 1.0
         shown = shown or name in replaced or justified(evidence.base, fitted)
-        fitted = told.get(name, fitted)
+        fitted = reported.get(name, fitted)
         result.append(
             Candidate(
                 effect=one.id,

@@ -91,6 +91,7 @@ def check_answer(told: dict[str, Any]) -> None:
         assert part["equation"] in FAMILIES
         assert isinstance(part["run"], str)
         assert part["share"] >= 0.0
+        assert {"session", "phase", "cable", "samples", "left_aside", "squared"} <= set(part)
     assert sum(part["share"] for part in told["score_parts"]) == pytest.approx(told["score"] ** 2, rel=1e-9)
     for one in told["left_aside"]:
         assert isinstance(one["run"], str)

@@ -10,7 +10,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from fingerlab.diagnosis.experiment.separation import GainLine, Outlook, foretelling
+from fingerlab.diagnosis.experiment.separation import GainLine, Outlook, gain_calibration
 from fingerlab.diagnosis.fit.solver import Fit
 from fingerlab.diagnosis.score.calibration import Odds, calibrated, calibration
 from fingerlab.diagnosis.score.fitted_model import FittedModel, Sensitivity, values_if_there
@@ -99,7 +99,7 @@ def test_a_tolerance_at_its_bound_hides_nothing_twice(found: float, typical: flo
 
 def test_the_table_of_the_program_is_fitted_and_finite() -> None:
     text = files("fingerlab.resources").joinpath("foretelling.json").read_text(encoding="utf-8")
-    told, table = json.loads(text), foretelling()
+    told, table = json.loads(text), gain_calibration()
     assert told["version"] == table.version
     assert table.fitted >= 10
     for line in (table.among, table.bench, table.shows):

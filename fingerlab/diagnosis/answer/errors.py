@@ -269,27 +269,31 @@ def excluded_times(
 ) -> tuple[tuple[ExcludedTime, ...], tuple[ExcludedByMotion, ...]]:
     """What of each run's time some equation, or none at all, is not judged by, and why; and by motions."""
     every = reduction.analysed
-    excluded_by_motion, found = list[ExcludedTime](), list[ExcludedByMotion]()
+    by_run, by_motion = list[ExcludedTime](), list[ExcludedByMotion]()
     for group in reduced.groups:
         for condition in group.conditions:
             folds = [group.folds[k] for k in group.of_condition(condition)]
             totals = sorted((one for fold in folds for one in fold.totals), key=lambda one: one.number)
-            mine = [aside for one in totals for aside in _asides(reduction, one, bool(fitted.model.stiction))]
-            excluded_by_motion += mine
+            mine = [
+                each
+                for one in totals
+                for each in _excluded_times_of(reduction, one, bool(fitted.model.stiction))
+            ]
+            by_run += mine
             runs = [every[one.number] for one in totals]
             names = tuple(run.name for run in runs)
             lasts = sum(_lasts(reduction, one.number) for one in totals)
             for equation, reason in dict.fromkeys((one.equation, one.reason) for one in mine):
                 seconds = sum(one.seconds for one in mine if one.reason == reason)
-                found.append(
+                by_motion.append(
                     ExcludedByMotion(
                         names, runs[0].phase, runs[0].cable, equation, reason, seconds / lasts, seconds
                     )
                 )
-    return tuple(excluded_by_motion), tuple(found)
+    return tuple(by_run), tuple(by_motion)
 
 
-def _asides(reduction: Reduction, totals: RunTotals, stiction: bool) -> list[ExcludedTime]:
+def _excluded_times_of(reduction: Reduction, totals: RunTotals, stiction: bool) -> list[ExcludedTime]:
     """The same of one run; ``stiction``: friction of the model may hold any torque at rest."""
     number, (samples, slack, rest) = totals.number, totals.counts
     (session, name), run = reduction.runs[number], reduction.analysed[number]

@@ -53,7 +53,7 @@ EXCLUSION_REASONS = {
 
 @dataclass(frozen=True)
 class ExcludedInterval:
-    """A stretch of a run, s from its start, that an equation leaves aside; ``reason`` as in LeftAside."""
+    """A stretch of a run, s from its start, that an equation leaves aside; see ``EXCLUSION_REASONS``."""
 
     reason: str
     start: float
@@ -246,8 +246,7 @@ class ScorePart:
     Attributes:
         runs: their names. phase, cable: as in the session format. equation: "mcp_torque" and so on.
         samples: share of all samples that these runs hold, 0 to 1.
-        excluded_by_motion: share of these runs' samples at which the equation says nothing, such as where
-            a cable is slack, 0 to 1.
+        left_aside: share of these runs' samples at which the equation says nothing (a slack cable), 0 to 1.
         squared: all of these, and 1 for the floor, sum to the square of the score.
     """
 
@@ -256,7 +255,7 @@ class ScorePart:
     cable: str
     equation: str
     samples: float
-    excluded_by_motion: float
+    left_aside: float
     squared: float
 
 
@@ -334,7 +333,7 @@ class RunShare:
     Attributes:
         session, run, phase, cable: which run. equation: the family, "joint_torque" and so on.
         samples: share of all samples that the run holds, 0 to 1.
-        excluded_by_motion: as of :class:`ScorePart`.
+        left_aside: as of :class:`ScorePart`.
         squared: all of these, and 1 for the floor, sum to the square of the score.
         share: the same with the floor's 1 dealt to runs and equations by samples; all sum to the square.
     """
@@ -345,7 +344,7 @@ class RunShare:
     cable: str
     equation: str
     samples: float
-    excluded_by_motion: float
+    left_aside: float
     squared: float
     share: float
 

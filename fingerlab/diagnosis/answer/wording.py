@@ -56,7 +56,7 @@ def bench_findings(
 
 def _channels(reduction: Reduction) -> list[BenchFinding]:
     """Runs that are left aside because a channel was lost."""
-    lost = reduction.excluded_by_motion
+    lost = reduction.excluded_runs
     result = []
     for channel in sorted({name for _, names in lost for name in names}):
         runs = tuple(run for run, names in lost if channel in names)

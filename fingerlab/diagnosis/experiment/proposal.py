@@ -24,7 +24,7 @@ from fingerlab.diagnosis.experiment.separation import (
     SessionFeatures,
     apart,
     columns_of_run,
-    foretelling,
+    gain_calibration,
     held_by,
     outlook,
     predict_run,
@@ -149,7 +149,7 @@ def _next(scorer: Scorer, view: Among | Hidden, proposal: Proposal, found: Judge
     as_json |= {
         "expected_if": dict(found.each),
         "chance_alone": min(found.alone, 1.0),
-        "foretelling": foretelling().version,
+        "foretelling": gain_calibration().version,
     }
     return NextRun(as_json, Predicted(view.verdict, found.gains, proposal.phase == "motor_bench"))
 
@@ -217,7 +217,7 @@ class Among:
 
     def glanced(self, run: PredictedRun) -> tuple[float, ...]:
         """What the run brings if its gains come out as foretold."""
-        line, alone, first = foretelling().line(run.kind.group.on_bench), 0.0, 0.0
+        line, alone, first = gain_calibration().line(run.kind.group.on_bench), 0.0, 0.0
         predicted = self.predicted(run)
         for true, gains in predicted.items():
             probabilities = self.outlook.probabilities(
@@ -231,7 +231,7 @@ class Among:
     def judged(self, run: PredictedRun) -> Judged:
         """The same with what gains scatter by."""
         now, predicted = self.outlook, self.predicted(run)
-        line = foretelling().line(run.kind.group.on_bench)
+        line = gain_calibration().line(run.kind.group.on_bench)
         head, *rivals = self.chosen
         away = _chances(len(self.evidence.candidates))
         alone = first = 0.0
@@ -306,7 +306,7 @@ class Hidden:
 
     def judged(self, run: PredictedRun) -> Judged:
         """Whether an effect that is there would be shown, and alone."""
-        found, table, now = self._detections(run), foretelling(), self.outlook
+        found, table, now = self._detections(run), gain_calibration(), self.outlook
         away, count = _chances(len(self.evidence.candidates) + 1), len(self.evidence.candidates)
         shown = np.array([[table.shows.gain(g, e[-1]) >= DECIDING_LOG_ODDS for g in found] for e in away])
         alone = first = 0.0

@@ -317,7 +317,7 @@ class GainCalibration:
 
 
 @cache
-def foretelling() -> GainCalibration:
+def gain_calibration() -> GainCalibration:
     """The table that comes with the program."""
     text = files("fingerlab.resources").joinpath("foretelling.json").read_text(encoding="utf-8")
     return structured(GainCalibration, json.loads(text))

@@ -72,14 +72,17 @@ def taut_moments(motion: Motion, inner: slice, drive: Shape) -> BoolArray:
     loose = (smooth < max(SLACK_TENSION_N, SLACK_NOISES * noise))[inner]
     # A slack cable hangs through by millimetres, the taut one is known to micrometres: no window that
     # holds a slack moment anywhere but at its very ends may pass for taut.
-    reach = np.ones(2 * (NARROW_HALF - NARROW_HALF // 8) + 1)
-    near = np.convolve(loose.astype(float), reach, mode="same") > 0.5
-    count = decimated_count(len(loose))
-    return np.asarray(~near[NARROW_HALF::NARROW_STEP][:count])
+    return ~near_moments(loose, NARROW_HALF - NARROW_HALF // 8)
+
+
+def near_moments(moments: BoolArray, reach: int) -> BoolArray:
+    """Decimated samples with one of the ``moments`` (n,) within so many samples at the wide rate."""
+    near = np.convolve(moments.astype(float), np.ones(2 * reach + 1), mode="same") > 0.5
+    return np.asarray(near[NARROW_HALF::NARROW_STEP][: decimated_count(len(moments))])
 
 
 def stuck_moments(motion: Motion, inner: slice) -> BoolArray:
-    """Samples ``inner`` at which a motor alone does not move while its torque does, (n,).
+    """Samples ``inner`` of a motor alone at which it does not move while its torque does, (n,).
 
     A loop that pulls at what sticks takes its torque from one side of the friction to the other; no law of
     travel says how far it has come.
@@ -88,7 +91,7 @@ def stuck_moments(motion: Motion, inner: slice) -> BoolArray:
     usual = float(np.sqrt(np.mean(motion.velocity[inner] ** 2))) / motion.sample_rate_hz  # in a sample
     # So long that the motor usually moves several steps of its encoder meanwhile.
     reach = max(math.ceil(0.5 * STUCK_STEPS * motion.position_step / max(usual, 1e-300)), 1)
-    if motion.finger is not None or reach > STUCK_REACH or len(position) <= 2 * reach:
+    if reach > STUCK_REACH or len(position) <= 2 * reach:
         return np.zeros(len(position[inner]), dtype=bool)
     least = max(motion.position_step, STUCK_SHARE * 2 * reach * usual)
     still = np.ptp(sliding_window_view(position, 2 * reach + 1), axis=1) < least
@@ -103,9 +106,10 @@ def rest_moments(motion: Motion, inner: slice) -> BoolArray:
     What sticks holds an unknown force to the end of a standstill; the low-pass carries it over the edge.
     """
     standing = _standing(motion.position[inner])
-    stuck = stuck_moments(motion, inner).astype(float)
-    near = np.convolve(stuck, np.ones(2 * (NARROW_HALF - NARROW_HALF // 4) + 1), mode="same") > 0.5
-    return np.asarray(standing | near[NARROW_HALF::NARROW_STEP][: len(standing)])
+    if motion.finger is not None:
+        return standing
+    # What a window holds beyond three quarters of its reach weighs less than a hundredth in it.
+    return standing | near_moments(stuck_moments(motion, inner), NARROW_HALF - NARROW_HALF // 4)
 
 
 def _standing(position: Array) -> BoolArray:

@@ -173,7 +173,7 @@ class Reduction:
         return self._given[0].rig
 
     @property
-    def excluded_by_motion(self) -> list[tuple[str, tuple[str, ...]]]:
+    def excluded_runs(self) -> list[tuple[str, tuple[str, ...]]]:
         """Runs that are not analysed because channels were lost, with these."""
         kept = set(self.runs)
         every = [

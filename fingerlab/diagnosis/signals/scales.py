@@ -190,10 +190,10 @@ def _pace(run: Run, turns: bool = False) -> float:
     lines = order[: int(np.searchsorted(together, MOVING_SHARE * together[-1])) + 1]
     line = 2.0 * math.pi * run.sample_rate_hz / len(position)
     pace = line * float(np.sqrt(np.sum(power[lines] * lines.astype(float) ** 2) / np.sum(power[lines])))
-    on = np.ptp(moved) > 2.0 * math.pi
-    if not (turns and on):
+    turned = np.ptp(moved) > 2.0 * math.pi
+    if not (turns and turned):
         pace *= max(1.0, float(moved.std()) / USUAL_TRAVEL)
-    return max(pace, _torque_pace(run)) if on else pace
+    return max(pace, _torque_pace(run)) if turned else pace
 
 
 def _torque_pace(run: Run) -> float:

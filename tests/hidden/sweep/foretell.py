@@ -251,7 +251,7 @@ def main(
     target: Path | None, version: str, command: str,
 ) -> None:  # fmt: skip
     """Take proposed runs on simulated benches; fit what comes of them, or tell how well it was foretold."""
-    from fingerlab.diagnosis.experiment.separation import foretelling
+    from fingerlab.diagnosis.experiment.separation import gain_calibration
 
     wanted, known = trials(first, count), read(results)
     left = [t for t in wanted if t.key not in known]
@@ -270,7 +270,7 @@ def main(
         table.write_text(json.dumps(made, indent=1) + "\n", encoding="utf-8")
     if target is not None:
         before = target.read_text(encoding="utf-8") if target.exists() else ""
-        target.write_text(page(entries, foretelling(), command, before), encoding="utf-8")
+        target.write_text(page(entries, gain_calibration(), command, before), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -113,9 +113,9 @@ def test_what_is_left_aside_is_shaded_and_told_with_its_share(taken_apart: MainW
         ratio = image.devicePixelRatio()
         return darker(image, round(corner.x() * ratio), round(corner.y() * ratio))
 
-    excluded_by_motion = [at(0.75), at(4.75)]  # the swing is at its top there, the patch is free of it
+    hatched = [at(0.75), at(4.75)]  # the swing is at its top there, the patch is free of it
     judged = [at(2.25), at(8.25)]
-    assert max(excluded_by_motion) < min(judged) - 3
+    assert max(hatched) < min(judged) - 3
     view.bar.go_to("mcp_torque", "001")
     assert key.toolTip() == "Left aside of this run: start and edges 13 %."
 
