@@ -98,12 +98,12 @@ def kept_rows(
         wrong = _wrong_rows(rows, needed)
         good = np.setdiff1d(np.arange(len(rows.values)), list(wrong))
         if time is not None and len(good):
-            told = rows.values[good, time]
-            twice = told == np.concatenate(([before], told[:-1]))
+            times = rows.values[good, time]
+            twice = times == np.concatenate(([before], times[:-1]))
             for row in good[twice].tolist():
                 words = f", column {time + 1} holds the time of the row before; it should increase strictly"
                 wrong[row] = (TWICE, words)
-            before, good = float(told[-1]), good[~twice]
+            before, good = float(times[-1]), good[~twice]
         for row in sorted(wrong):
             left_out.add(wrong[row][0], int(rows.lines[row]), wrong[row][1])
         first = left_out.rows
