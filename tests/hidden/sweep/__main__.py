@@ -20,6 +20,8 @@ from tests.hidden.sweep.trials import Trial, nothing, outside, pairs, singles
 
 KINDS = ("rich", "thesis", "after", "pairs", "outside", "engine")
 POPULATION = "population"
+FIRST_SEED = 101
+"""Of an effect's trials, where none is asked for; plain benches and pairs are counted from it."""
 
 
 def _one(trial: Trial, recordings: Path | None, own_size: bool) -> dict[str, object]:
@@ -35,14 +37,15 @@ def trials(kinds: set[str], ids: list[str], seeds: list[int]) -> list[Trial]:
     ``after`` is ``thesis`` and the proposed experiment, where there is one; it stands for both.
     """
     found: list[Trial] = []
+    plain = [6 * (seed - FIRST_SEED) + k for seed in seeds for k in range(6)]
     if "rich" in kinds:
-        found += [*nothing("twin", "rich", [1000 + s for s in range(6 * len(seeds))])]
+        found += [*nothing("twin", "rich", [1000 + s for s in plain])]
         found += [*singles("twin", "rich", ids, seeds)]
     if kinds & {"thesis", "after"}:
-        found += [*nothing("twin", "thesis", [2000 + s for s in range(6 * len(seeds))])]
+        found += [*nothing("twin", "thesis", [2000 + s for s in plain])]
         found += [*singles("twin", "thesis", ids, seeds, proposed="after" in kinds)]
     if "pairs" in kinds:
-        found += [*pairs("twin", ids, 8 * len(seeds), 3000)]
+        found += [*pairs("twin", ids, 8 * len(seeds), 3000 + seeds[0] - FIRST_SEED)]
     if "outside" in kinds:
         found += [*outside("twin", ids, seeds)]
     if "engine" in kinds:
@@ -62,6 +65,7 @@ def trials(kinds: set[str], ids: list[str], seeds: list[int]) -> list[Trial]:
 )
 @click.option("--effect", "effects", multiple=True, help="Only these effects; default the whole catalogue.")
 @click.option("--seeds", default=5, show_default=True, help="Seeds for each effect and protocol.")
+@click.option("--seed", default=FIRST_SEED, show_default=True, help="First of an effect's seeds.")
 @click.option("--first", default=1, show_default=True, help="First seed of the population.")
 @click.option("--count", default=600, show_default=True, help="Benches of the population.")
 @click.option("--own-size", is_flag=True, help="Leave the population's benches at the thesis' size.")
@@ -77,11 +81,11 @@ def trials(kinds: set[str], ids: list[str], seeds: list[int]) -> list[Trial]:
 )
 @click.option("--command", default="python -m tests.hidden.sweep", hidden=True)
 def main(
-    kinds: tuple[str, ...], effects: tuple[str, ...], seeds: int, first: int, count: int, own_size: bool,
-    recordings: Path | None, jobs: int, results: Path, table: Path | None, command: str,
+    kinds: tuple[str, ...], effects: tuple[str, ...], seeds: int, seed: int, first: int, count: int,
+    own_size: bool, recordings: Path | None, jobs: int, results: Path, table: Path | None, command: str,
 ) -> None:  # fmt: skip
     """Run blind trials, and say how often the diagnosis was right."""
-    wanted = trials(set(kinds or KINDS), list(effects) or list(EFFECTS), [101 + s for s in range(seeds)])
+    wanted = trials(set(kinds or KINDS), list(effects) or list(EFFECTS), [seed + s for s in range(seeds)])
     if POPULATION in kinds:
         from tests.hidden.sweep.surroundings import population
 
