@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from fingerlab.core.errors import UserError
+from fingerlab.diagnosis import diagnose
 from fingerlab.diagnosis.signals.scales import (
     SI,
     Scales,
@@ -19,6 +20,7 @@ from fingerlab.diagnosis.signals.scales import (
     scaled_trajectory,
 )
 from fingerlab.diagnosis.signals.segments import segments_of
+from fingerlab.physics.friction_states import slip_state
 from fingerlab.physics.motion import Motion, strongest_orders
 from fingerlab.rig.file import Finger, Motor, Rig, default_rig
 from fingerlab.sessions.model import Run, Session
@@ -29,15 +31,15 @@ MADE = Scales(torque=8.0, length=2.0, time=0.5)
 @pytest.mark.parametrize(
     ("unit", "powers"),
     [
-        ("N m", (1, 0, 0)), ("N", (1, -1, 0)), ("m/N", (-1, 2, 0)), ("kg m^2", (1, 0, 2)), ("kg", (1, -2, 2)),
-        ("N m s/rad", (1, 0, 1)), ("N m/rad^3", (1, 0, 0)), ("m s/N", (-1, 2, 1)), ("m/s^2", (0, 1, -2)),
-        ("rad/s", (0, 0, -1)), ("1/turn", (0, 0, 0)), ("1", (0, 0, 0)), ("mN m", (1, 0, 0)),
-        ("Hz", (0, 0, -1)),
-        ("of the distal length", (0, 0, 0)), ("N m/A", (1, 0, 0)),
+        ("N m", (1, 0, 0, 0)), ("N", (1, -1, 0, 0)), ("m/N", (-1, 2, 0, 0)), ("kg m^2", (1, 0, 2, -1)),
+        ("kg", (1, -2, 2, -1)), ("N m s/rad", (1, 0, 1, -1)), ("N m/rad^3", (1, 0, 0, -3)),
+        ("m s/N", (-1, 2, 1, 0)), ("m/s^2", (0, 1, -2, 0)), ("rad/s", (0, 0, -1, 1)), ("deg", (0, 0, 0, 1)),
+        ("1/turn", (0, 0, 0, -1)), ("1", (0, 0, 0, 0)), ("mN m", (1, 0, 0, 0)), ("Hz", (0, 0, -1, 0)),
+        ("of the distal length", (0, 0, 0, 0)), ("N m/A", (1, 0, 0, 0)),
     ],
 )  # fmt: skip
-def test_a_unit_says_how_it_grows_with_torque_length_and_time(
-    unit: str, powers: tuple[int, int, int]
+def test_a_unit_says_how_it_grows_with_torque_length_time_and_angle(
+    unit: str, powers: tuple[int, int, int, int]
 ) -> None:
     assert powers_of(unit) == powers
 
@@ -120,6 +122,78 @@ def test_a_motor_alone_is_as_large_as_its_torque() -> None:
     assert found.torque == pytest.approx(0.2 / np.sqrt(2) / 0.04, rel=1e-3)
     assert (found.length, found.time) == (1.0, 1.0)
     assert find_scales([_alone(torque=100.0)]).torque == pytest.approx(100.0 * found.torque, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("factor", "linear", "angle"),
+    # A sine of 0.2 rad is 0.141 rad root mean square: below 0.2 of an axis along a line, above 0.05 of one.
+    [(1.0, False, 1.0), (0.36, False, 1.0), (0.35, False, 0.5), (2.0, True, 1.0), (1.0, True, 0.5),
+     (1e-3, False, 2.0**-9), (1e-3, True, 2.0**-11)],
+)  # fmt: skip
+def test_a_motor_alone_that_hardly_moves_has_its_own_unit_of_angle(
+    factor: float, linear: bool, angle: float
+) -> None:
+    session = _moved(_alone(), factor, {"axis": {"radius_m": 0.01}} if linear else {})
+    found = find_scales([session])
+    assert found.angle == angle
+    reduced = reduced_sessions([session], found)[0].runs[0]
+    given = session.runs[0].channel("motor_position", 0, 99)
+    assert reduced.channel("motor_position", 0, 99) == pytest.approx(given / angle, rel=1e-12)
+    assert reduced.trajectory["amplitude_deg"] == pytest.approx(12.0 / angle)
+    (motion,) = segments_of(reduced, session.rig)
+    assert motion.turns == (not linear and angle == 1.0)
+    largest = 0.2 * factor / angle * 2 * np.pi  # rad/s, of a sine of 1 Hz
+    assert np.abs(motion.velocity[motion.lead :]).max() == pytest.approx(largest, rel=1e-2)
+
+
+def _moved(session: Session, factor: float, extra: dict[str, object]) -> Session:
+    """The session of a motor alone whose angle is ``factor`` times as large, with the same torque."""
+    runs = []
+    for run in session.runs:
+        known = {name: run.channel(name, 0, run.length) for name in ("motor_position", "motor_torque")}
+        known["motor_position"] = factor * known["motor_position"]
+        runs.append(
+            Run.from_arrays(
+                known, name=run.name, phase=run.phase, cable=run.cable, sample_rate_hz=run.sample_rate_hz,
+                trajectory=run.trajectory,
+            )
+        )  # fmt: skip
+    return replace(session, rig=replace(session.rig, extra=extra), runs=tuple(runs))
+
+
+@pytest.mark.parametrize("extra", [{}, {"axis": {"radius_m": 0.01}}], ids=["turns", "along a line"])
+def test_a_verdict_does_not_depend_on_how_far_a_motor_moves(extra: dict[str, object]) -> None:
+    """Friction of a travel of 1 % of the motion, and 1/256 of both; a law of the catalogue in closed form."""
+    time = np.arange(8000) / 500.0
+    rng = np.random.default_rng(5)
+    runs = []
+    for number, tones in enumerate([(0.3, 0.7, 1.1), (0.5, 0.9, 1.7), (0.2, 0.6, 1.3)]):
+        waves = [np.sin(2 * np.pi * tone * time + k) for k, tone in enumerate(tones)]
+        position = 0.1 * np.sum(waves, axis=0)
+        acceleration = np.gradient(np.gradient(position, time), time)
+        torque = 0.03 * slip_state(position, np.radians(0.3)) + 1e-3 * acceleration
+        known = {
+            "motor_position": position,
+            "motor_torque": torque + 1e-3 * rng.standard_normal(len(time)),
+        }
+        runs.append(
+            Run.from_arrays(
+                known, name=f"{number:03}", phase="motor_bench", cable="none", sample_rate_hz=500.0
+            )
+        )
+    large = replace(_alone(), runs=tuple(runs))
+    # As far as the largest that has a unit of its own, so that both are looked at in steps of the same size.
+    usual = _moved(large, 0.25 if not extra else 1.0, extra)
+    small = _moved(usual, 2.0**-8, extra)
+    one, other = diagnose([usual]), diagnose([small])
+    assert one.verdict == other.verdict == "missing_effect"
+    for a, b in zip(one.candidates, other.candidates, strict=True):
+        assert (a.effect, a.probability) == (b.effect, pytest.approx(b.probability, abs=1e-6))
+    first = one.candidates[0]
+    assert first.parameters["coulomb"].value == pytest.approx(0.03, rel=0.1)
+    assert other.candidates[0].parameters["coulomb"].value == pytest.approx(first.parameters["coulomb"].value)
+    travel = other.candidates[0].parameters["travel_deg"].value
+    assert travel == pytest.approx(first.parameters["travel_deg"].value / 256.0, rel=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -254,9 +254,8 @@ def _offered(reduction: Reduction, motions: Sequence[Motion]) -> list[DraftTerm]
     alone = [m for m in motions if m.joints is None]
     orders = strongest_orders(alone) if alone and not turned else DRAFT_ORDERS
     contact = any(m.force is not None for m in motions)
-    return list(
-        library(travel, contact, bool(alone), orders, reduction.scales.of("s"), reduction.scales.of("N"))
-    )
+    of = reduction.scales.of
+    return list(library(travel, contact, bool(alone), orders, of("s"), of("N"), of("rad")))
 
 
 def _travel(angles: Sequence[Array]) -> tuple[float, float]:

@@ -4,7 +4,9 @@ Every tuned number and range of the diagnosis is meant for that bench. So that n
 a machine is, a session is read in *reduced units*: torques are told in multiples of ``Scales.torque``,
 lengths and times likewise, and all other units follow (a force is a torque over a length). The scales grow
 with the machine as the units do, so that two machines that differ by size alone give the same numbers. What
-leaves the diagnosis is multiplied by :meth:`Scales.of` its unit and is SI again. Angles and currents stay.
+leaves the diagnosis is multiplied by :meth:`Scales.of` its unit and is SI again. Currents stay, and so do the
+angles of a finger and of a motor that moves by degrees: only a motor alone that moves by much less has a unit
+of angle, for its friction gives way the sooner.
 """
 
 from __future__ import annotations
@@ -23,6 +25,7 @@ from fingerlab.diagnosis.settings import (
     HELD_SAMPLES,
     LEAST_RATE_HZ,
     LEAST_READINGS,
+    LEAST_TURN,
     MOVING_SHARE,
     NARROW_CUTOFF_HZ,
     PACE_SAMPLES,
@@ -41,39 +44,43 @@ from fingerlab.rig.file import CONSTANT_UNITS, UNITS, Finger, Intervention, Moto
 from fingerlab.sessions.model import CHANNEL_UNITS, Array, ChannelReader, Run, Session
 from fingerlab.sessions.trajectory import commanded_frequency
 
-_POWERS = {
-    "N": (1, -1, 0), "m": (0, 1, 0), "s": (0, 0, 1), "kg": (1, -2, 2), "Hz": (0, 0, -1),
+Powers = tuple[int, int, int, int]
+_POWERS: dict[str, Powers] = {
+    "N": (1, -1, 0, 0), "m": (0, 1, 0, 0), "s": (0, 0, 1, 0), "kg": (1, -2, 2, -1), "Hz": (0, 0, -1, 0),
+    "rad": (0, 0, 0, 1), "deg": (0, 0, 0, 1), "turn": (0, 0, 0, 1),
 }  # fmt: skip
-"""Powers of torque, length and time in a unit; all others (rad, A, V, turns) have none."""
+"""Powers of torque, length, time and angle in a unit; all others (A, V) have none. The kilogram is that of a
+motor's inertia: whatever else has a mass has the radian for its angles."""
 
 _SI = {spelling: si for si, table in FACTORS.items() for spelling in table}
 
 
 @cache
-def powers_of(unit: str) -> tuple[int, int, int]:
-    """Powers of torque, length and time in a unit such as ``N m s/rad``; a word that is no unit has none."""
-    total = [0, 0, 0]
+def powers_of(unit: str) -> Powers:
+    """Powers of torque, length, time and angle in a unit (``N m s/rad``); a word that is none has none."""
+    total = [0, 0, 0, 0]
     for k, part in enumerate(unit.split("/")):
         for token in _SI.get(part.strip(), part).replace("·", " ").replace("*", " ").split():
             name, _, power = token.partition("^")
             times = int(power) if power.lstrip("-").isdigit() else 1
-            known = _POWERS.get(name) or _POWERS.get(_SI.get(name, ""), (0, 0, 0))
+            known = _POWERS.get(name) or _POWERS.get(_SI.get(name, ""), (0, 0, 0, 0))
             total = [t + (-times if k else times) * p for t, p in zip(total, known, strict=True)]
-    return total[0], total[1], total[2]
+    return total[0], total[1], total[2], total[3]
 
 
 @dataclass(frozen=True)
 class Scales:
-    """One reduced unit of torque (N m), length (m) and time (s)."""
+    """One reduced unit of torque (N m), length (m), time (s) and angle (rad)."""
 
     torque: float = 1.0
     length: float = 1.0
     time: float = 1.0
+    angle: float = 1.0
 
     def of(self, unit: str) -> float:
         """What a number in reduced units is multiplied by to be in ``unit``, by the unit's dimension."""
-        a, b, c = powers_of(unit)
-        return float(self.torque**a * self.length**b * self.time**c)
+        a, b, c, d = powers_of(unit)
+        return float(self.torque**a * self.length**b * self.time**c * self.angle**d)
 
 
 SI = Scales()
@@ -109,7 +116,18 @@ def find_scales(sessions: Sequence[Session]) -> Scales:
     if not spreads:
         return SI
     turns = not any(isinstance(session.rig.extra.get("axis"), Mapping) for session in sessions)
-    return Scales(_relative(float(np.median(spreads)), USUAL_TORQUE_SPREAD), 1.0, _time_of(bench, turns))
+    size = _relative(float(np.median(spreads)), USUAL_TORQUE_SPREAD)
+    return Scales(size, 1.0, _time_of(bench, turns), _angle_of(bench, turns))
+
+
+def _angle_of(runs: Sequence[Run], turns: bool) -> float:
+    """The unit of angle in which the run that goes furthest moves by degrees; 1 where it does so anyway.
+
+    By octaves, so that recordings of one machine agree.
+    """
+    travels = [float(position.std()) for run in runs if len(position := _moving(run, "motor_position"))]
+    travel, least = max(travels, default=0.0), LEAST_TURN if turns else USUAL_TRAVEL
+    return 1.0 if not travel > STILL_RAD else 2.0 ** min(math.floor(math.log2(travel / least)), 0)
 
 
 def is_still(position: Array) -> bool:
@@ -298,7 +316,7 @@ def reduced_motion(motion: Motion, scales: Scales) -> Motion:
     """A motion in reduced units; as it is where those are SI."""
     if scales == SI:
         return motion
-    second = scales.time
+    second, radian = scales.time, scales.angle
 
     def forced(values: Array | None, unit: str) -> Array | None:
         return None if values is None else values / scales.of(unit)
@@ -311,7 +329,8 @@ def reduced_motion(motion: Motion, scales: Scales) -> Motion:
     rig = reduced_rig(Rig(motion.finger, motion.motor), scales)
     return replace(
         motion, sample_rate_hz=motion.sample_rate_hz * second, time=motion.time / second,
-        velocity=motion.velocity * second, acceleration=motion.acceleration * second**2,
+        position=motion.position / radian, velocity=motion.velocity * second / radian,
+        acceleration=motion.acceleration * second**2 / radian,
         torque=motion.torque / scales.torque, motor=rig.motor, finger=rig.finger, joints=joints,
         force=forced(motion.force, "N"), load=forced(motion.load, "N m"),
         inertia_spread=motion.inertia_spread / scales.of("kg m^2"), _memory={},
@@ -319,7 +338,7 @@ def reduced_motion(motion: Motion, scales: Scales) -> Motion:
     )  # fmt: skip
 
 
-_ENDINGS = {"_hz": "Hz", "_n_m": "N m", "_n": "N", "_s": "s", "load_torque": "N m"}
+_ENDINGS = {"_deg": "deg", "_hz": "Hz", "_n_m": "N m", "_n": "N", "_s": "s", "load_torque": "N m"}
 """What the end of a number's name in a trajectory says of its unit; the longest counts."""
 
 
