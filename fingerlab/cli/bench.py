@@ -134,12 +134,13 @@ def check_rig(
     """
     from fingerlab.acquisition.check_rig.look import write_protocol
     from fingerlab.acquisition.check_rig.walk import check_answers, checks_folder, keep
-    from fingerlab.devices.choosing import REPLAY, choose_device
+    from fingerlab.devices.choosing import REPLAY, choose_device, refuse_unknown
     from fingerlab.rig.file import default_rig, load_rig
 
     given = _answers(answers)
     rig = load_rig(rig_file) if rig_file else default_rig()
     choice = choose_device(device or asked_device(rig, "to check"), rig, real_time=not all_yes)
+    refuse_unknown(choice)
     if choice.kind == REPLAY:
         raise UserError("A replay has no bench to check; give a card such as Dev1, or 'simulated'.")
     check_answers(given, all_yes, choice.simulated)

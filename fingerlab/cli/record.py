@@ -186,8 +186,8 @@ def record(out: Path, json_target: str | None, **options: Any) -> None:
         )
     if not simulated and options["yes"]:  # nobody would have looked which cable is on the pulley
         raise UserError(
-            f"--yes is for the simulated rig{_taken_for(options['device'])}; at a real bench answer each "
-            "question about the cable in a terminal, or by a line 'ready' of --commands."
+            "--yes is for the simulated rig; at a real bench answer each question about the cable in a "
+            "terminal, or by a line 'ready' of --commands."
         )
     with ExitStack() as stack:
         events = stack.enter_context(Events(options["events"]))
@@ -221,11 +221,6 @@ def record(out: Path, json_target: str | None, **options: Any) -> None:
     click.echo(f"{counted(runs, 'run')}, {samples} samples, written to {path}.", err=True)
     if json_target is not None:
         write_json(result, json_target)
-
-
-def _taken_for(device: str | None) -> str:
-    """What a name that nobody knows is held for."""
-    return "" if device is None or ":" in device else f", and {device!r} is taken for the name of a card"
 
 
 def _feeds(options: Mapping[str, Any]) -> bool:
@@ -370,7 +365,7 @@ def _gains(text: str | None) -> Gains:
 
 
 def _choice(options: Mapping[str, Any]) -> DeviceChoice:
-    from fingerlab.devices.choosing import choose_device
+    from fingerlab.devices.choosing import choose_device, refuse_unknown
     from fingerlab.devices.simulated import Simulation
     from fingerlab.rig.file import load_rig
     from fingerlab.twin.effects import parse_effects
@@ -382,7 +377,9 @@ def _choice(options: Mapping[str, Any]) -> DeviceChoice:
         options["preset"], options["seed"], parse_effects(options["effects"]), options["hidden"]
     )
     name = options["device"] or asked_device(rig, "to record from")
-    return choose_device(name, rig, simulation, real_time=options["real_time"])
+    choice = choose_device(name, rig, simulation, real_time=options["real_time"])
+    refuse_unknown(choice)
+    return choice
 
 
 def _plans(options: Mapping[str, Any]) -> tuple[str, list[Any]]:

@@ -30,7 +30,7 @@ from fingerlab.core.trust import (
 )
 from fingerlab.devices.faults import Faults
 from fingerlab.devices.protocol import Clock, Device, DeviceFault, DeviceLost, FoundDevice, RealClock
-from fingerlab.rig.daq import plain_section
+from fingerlab.rig.daq import Daq, plain_section
 from fingerlab.rig.file import Rig, default_rig
 
 if TYPE_CHECKING:
@@ -345,6 +345,52 @@ def choose_device(
             "'host:31763/Dev1'."
         )
     return DeviceChoice(CARD, _naming(rig or default_rig(), card, server if slash else None))
+
+
+def refuse_unknown(choice: DeviceChoice, channel: Any = None) -> None:
+    """Refuse a card that is known not to be there, such as a misspelt ``simulated``, and name what is.
+
+    A server that does not answer and a driver that fails say so themselves where the card is opened.
+
+    Args:
+        choice: as somebody wrote it. channel: a gRPC channel instead of the rig's server, for tests.
+
+    Raises:
+        UserError: the driver lists no such card, or there is no driver at all.
+    """
+    if choice.kind != CARD:
+        return
+    daq = (choice.rig or default_rig()).daq
+    names = _listed(daq, channel)
+    if names is None or daq.device in names:
+        return
+    what = f"There is no device {daq.device!r}" + (f" at {daq.server}" if daq.server else "")
+    if names:
+        right = f"the NI-DAQmx driver lists {', '.join(names)}; give one of these"
+    else:
+        where = "there" if daq.server else "on this machine"
+        right = f"no NI-DAQmx driver lists a card {where}; give the name of one that is plugged in"
+        right += "" if daq.server else ", one behind a device server such as 'host:31763/Dev1'"
+    raise UserError(f"{what}: {right}, {SIMULATED!r} or 'own:FILE.py'.")
+
+
+def _listed(daq: Daq, channel: Any) -> tuple[str, ...] | None:
+    """Names of the cards that the driver has, none of them without a driver; None where it does not say."""
+    try:
+        from fingerlab.devices.ni.connection import Connection
+
+        connection = Connection(daq, channel)
+        try:
+            return tuple(map(str, connection.system().devices.device_names))
+        finally:
+            connection.close()
+    except ImportError:
+        return ()
+    except Exception as error:  # of a driver, which may fail in any way: said where the card is opened
+        import nidaqmx.errors
+
+        absent = (nidaqmx.errors.DaqNotFoundError, nidaqmx.errors.DaqNotSupportedError)
+        return () if isinstance(error, absent) or isinstance(error.__cause__, absent) else None
 
 
 def _naming(rig: Rig, card: str, server: str | None) -> Rig:

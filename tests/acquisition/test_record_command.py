@@ -149,7 +149,7 @@ def test_every_run_that_is_proposed_for_the_motor_bench_is_within_its_limits() -
         (["--protocol", "on-air", "--runs", "3"], "--runs"),
         (["--protocol", "on-air", "--set-mcp", "nan"], "180 degrees"),
         (["--protocol", "on-air", "--device", "replay:x.h5"], "replay"),
-        (["--protocol", "on-air", "--device", "Dev1", "--yes"], "--yes is for the simulated rig"),
+        (["--protocol", "on-air", "--device", "127.0.0.1:1/Dev1", "--yes"], "--yes is for the simulated rig"),
         (["--protocol", "on-air", "--device", ""], "name the bench to record from: "),
     ],
 )

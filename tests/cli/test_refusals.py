@@ -105,9 +105,26 @@ def test_a_trigger_without_a_unit_is_in_radians(tmp_path: Path) -> None:
     refused(tmp_path, *record, "--trigger", "motor_position<-10", words=words)
 
 
-def test_a_name_that_nobody_knows_is_taken_for_a_card(tmp_path: Path) -> None:
-    run = ("record", "--device", "nope", "--protocol", "on-air", "--yes", "--out", tmp_path / "s.h5")
-    refused(tmp_path, *run, words=("'nope' is taken for the name of a card",))
+@pytest.mark.parametrize("answers", [(), ("--yes",)])
+def test_a_name_that_nobody_knows_is_no_card(
+    answers: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    words = ("no device 'simulatd'", "'simulated'", "own:FILE.py", "host:31763/Dev1")
+    run = ("record", "--device", "simulatd", "--protocol", "on-air", *answers, "--out", tmp_path / "s.h5")
+    without_driver(monkeypatch)
+    refused(tmp_path, *run, words=words)
+    check = ("check-rig", "--device", "simulatd", *answers, "--out", tmp_path / "check.json")
+    refused(tmp_path, *check, words=words)
+
+
+def without_driver(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same on a machine that has one."""
+    from nidaqmx import _lib
+
+    def missing(_self: object) -> None:
+        raise _lib.DaqNotFoundError(_lib._DAQ_NOT_FOUND_MESSAGE)
+
+    monkeypatch.setattr(_lib.DaqLibImporter, "_import_lib", missing)
 
 
 def test_a_force_names_what_it_lacks_and_a_pose_its_limits(session_file: Path, tmp_path: Path) -> None:

@@ -281,9 +281,12 @@ def test_a_failed_step_shows_in_the_exit_code(tmp_path: Path) -> None:
     ("more", "words"),
     [
         ([], "Nobody is there to answer"),
-        (["--device", "Dev1", "--yes"], "--yes is for the simulated rig"),
+        (["--device", "127.0.0.1:1/Dev1", "--yes"], "--yes is for the simulated rig"),
         (["--device", "bench-pc:31763/Dev1", "--yes"], "--yes is for the simulated rig"),
-        (["--device", "Dev1", "--answer", "drive=yes"], "--answer drive=yes is for the simulated rig"),
+        (
+            ["--device", "127.0.0.1:1/Dev1", "--answer", "drive=yes"],
+            "--answer drive=yes is for the simulated rig",
+        ),
         (["--device", f"own:{OWN}", "--yes"], "--yes is for the simulated rig"),
         (["--yes", "--answer", "limits/force"], "should look like"),
         (["--yes", "--device", "replay:x.h5"], "no bench to check"),
@@ -517,6 +520,7 @@ def test_only_a_real_bench_has_its_check_kept(tmp_path: Path, monkeypatch: pytes
         return InlineBench(device, settings, rescue)
 
     monkeypatch.setattr("fingerlab.acquisition.bench.process_bench.ProcessBench", inline)
+    monkeypatch.setattr("fingerlab.devices.choosing.refuse_unknown", lambda choice: None)  # the card is here
     monkeypatch.setattr("fingerlab.cli.bench.somebody_there", lambda: True)
     out = tmp_path / "check.json"
     arguments = ["--device", "Dev1", "--out", str(out)]

@@ -11,7 +11,7 @@ import grpc
 import pytest
 
 from fingerlab.core.errors import UserError
-from fingerlab.devices.choosing import DeviceChoice, choose_device, detect, opening_sentence
+from fingerlab.devices.choosing import DeviceChoice, choose_device, detect, opening_sentence, refuse_unknown
 from fingerlab.devices.faults import Faults
 from fingerlab.devices.ni.card import NiCard
 from fingerlab.devices.protocol import VirtualClock
@@ -121,6 +121,24 @@ def test_names_of_devices(make_session: Any) -> None:
     for wrong in ("replay:", "", "host/Dev1"):
         with pytest.raises(UserError, match="give"):
             choose_device(wrong)
+
+
+def test_a_card_that_the_driver_does_not_list_is_refused_with_what_it_lists() -> None:
+    card = Card(SimplePlant(), name="Dev4")
+    refuse_unknown(choose_device("Dev4"), channel_to(card))
+    with pytest.raises(UserError, match=r"no device 'simulatd': .* Dev4; give one of these, 'simulated'"):
+        refuse_unknown(choose_device("simulatd"), channel_to(card))
+    card.name = ""
+    with pytest.raises(UserError, match=r"no device 'Dev1' at bench:1: no NI-DAQmx driver lists"):
+        refuse_unknown(choose_device("bench:1/Dev1"), channel_to(card))
+    refuse_unknown(choose_device("simulated"))
+
+
+def test_a_server_that_does_not_answer_is_no_reason_to_refuse_a_name() -> None:
+    channel = channel_to(Card(SimplePlant()))
+    channel.lost = grpc.StatusCode.UNAVAILABLE
+    refuse_unknown(choose_device("bench:31763/Dev1"), channel)  # opening it says so
+    refuse_unknown(choose_device("127.0.0.1:1/Dev1"))
 
 
 def test_a_choice_can_be_handed_to_another_process() -> None:
