@@ -151,32 +151,11 @@ def open_each(paths: Sequence[Path]) -> list[Session]:
     Raises:
         UserError: a file is no session, or two hold the same.
     """
-    from fingerlab.sessions import open_session
+    from fingerlab.sessions import open_session, refuse_twice
 
     opened = [open_session(path) for path in paths]
     refuse_twice(opened)
     return opened
-
-
-def refuse_twice(sessions: Sequence[Session]) -> None:
-    """Refuse files that are one, by name or by what they hold.
-
-    Raises:
-        UserError: so it is.
-    """
-    from fingerlab.sessions import content_hash
-
-    sizes = [session.path.stat().st_size for session in sessions]
-    known: dict[str, Path] = {}
-    for session, size in zip(sessions, sizes, strict=True):
-        if sizes.count(size) == 1:
-            continue
-        before = known.setdefault(content_hash(session), session.path)
-        if before is session.path:
-            continue
-        if before.resolve() == session.path.resolve():
-            raise UserError(f"{session.path} is given twice; give each session once.")
-        raise UserError(f"{before} and {session.path} hold the same recording; give one of them.")
 
 
 def counted(number: int, noun: str) -> str:

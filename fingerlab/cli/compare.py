@@ -14,7 +14,6 @@ from fingerlab.cli.common import (
     figures_option,
     json_option,
     progress_bar,
-    refuse_twice,
     result_table,
     session_argument,
     table_console,
@@ -39,7 +38,7 @@ from fingerlab.report.comparison_words import (
     pairs_sentence,
 )
 from fingerlab.report.page_tables import compared_rows, error_rows, judged_as_they_stand
-from fingerlab.sessions import Session, open_session
+from fingerlab.sessions import Session, open_session, refuse_twice
 from fingerlab.signals.run_pairs import compare_sessions
 
 

@@ -19,7 +19,7 @@ from fingerlab.notebook.model import (
     ShownTable,
     effect_ids,
     fit,
-    opened,
+    opened_each,
 )
 from fingerlab.report import diagnosis_words as words
 from fingerlab.report.page_tables import error_rows, short_ranking
@@ -211,9 +211,9 @@ def diagnose(
         progress: called with the share done (0 to 1) and what is being done.
 
     Raises:
-        UserError: no session, an unknown effect, or a run that cannot be read.
+        UserError: no session, one that comes twice, an unknown effect, or a run that cannot be read.
     """
     from fingerlab.diagnosis import diagnose as run
 
-    read = [opened(one) for one in sessions]
+    read = opened_each(sessions)
     return DiagnosisView(run(read, effect_ids(added), progress=progress, with_curves=curves), read)

@@ -18,6 +18,7 @@ from fingerlab.models.file import DIAGNOSIS_METHOD, ParameterEstimate, SavedMode
 from fingerlab.report import diagnosis_words as words
 from fingerlab.report.page_tables import model_rows
 from fingerlab.report.parameter_words import parameter_titles
+from fingerlab.sessions.distinct import refuse_twice
 from fingerlab.sessions.model import Session
 from fingerlab.sessions.reading import open_session
 
@@ -161,6 +162,17 @@ def opened(source: SessionSource) -> Session:
     if isinstance(source, (str, Path)):
         return open_session(source)
     return source if isinstance(source, Session) else source.session
+
+
+def opened_each(sources: Sequence[SessionSource]) -> list[Session]:
+    """Sessions that are to be judged together.
+
+    Raises:
+        UserError: one cannot be read, or two hold the same recording.
+    """
+    read = [opened(one) for one in sources]
+    refuse_twice(read)
+    return read
 
 
 def effect_ids(given: Sequence[str]) -> Sequence[str]:
@@ -314,13 +326,14 @@ def fit(*sessions: SessionSource, effects: Sequence[str] = (), progress: Progres
     """Fit the nominal model with these effects to the sessions together; it then predicts endpoint force.
 
     Raises:
-        UserError: no session, an unknown effect, one that does not apply, or a run that cannot be read.
+        UserError: no session, one that comes twice, an unknown effect, one that does not apply, or a run that
+            cannot be read.
     """
     from fingerlab.prediction import fit_extended, model_of_extended
 
     if not sessions:
         raise UserError("No session was given; name at least one session file.")
-    read = [opened(one) for one in sessions]
+    read = opened_each(sessions)
     return ModelView(model_of_extended(fit_extended(read, effect_ids(effects), progress)))
 
 

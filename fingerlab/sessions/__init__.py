@@ -7,6 +7,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from fingerlab.sessions.distinct import refuse_twice
     from fingerlab.sessions.exporting import copy_session
     from fingerlab.sessions.model import Run, Session
     from fingerlab.sessions.reading import (
@@ -30,6 +31,7 @@ __all__ = [
     "copy_session",
     "file_hash",
     "open_session",
+    "refuse_twice",
 ]
 
 _HOMES = {
@@ -43,6 +45,7 @@ _HOMES = {
     "copy_session": "exporting",
     "file_hash": "reading",
     "open_session": "reading",
+    "refuse_twice": "distinct",
 }
 
 

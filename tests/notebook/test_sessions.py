@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -54,6 +55,19 @@ def test_what_import_fingerlab_offers_is_listed_and_the_rest_is_refused() -> Non
     assert {"open", "diagnose", "fit", "load_model", "simulate", "catalogue"} <= set(dir(fingerlab))
     with pytest.raises(AttributeError, match="no attribute 'opne'"):
         fingerlab.opne  # type: ignore[attr-defined]  # noqa: B018
+
+
+def test_one_recording_is_evidence_once(make_session: MakeSession, tmp_path: Path) -> None:
+    path = make_session()
+    session, copy = fingerlab.open(path), tmp_path / "copy.h5"
+    shutil.copy(path, copy)
+    for twice in ((path, path), (session, session), (str(path), session)):
+        with pytest.raises(UserError, match="is given twice; give each session once"):
+            fingerlab.diagnose(*twice)
+    with pytest.raises(UserError, match="hold the same recording; give one of them"):
+        fingerlab.diagnose(session, copy)
+    with pytest.raises(UserError, match="hold the same recording"):
+        fingerlab.fit(copy, path)
 
 
 def test_a_run_as_xarray_holds_what_the_file_holds(make_session: MakeSession) -> None:

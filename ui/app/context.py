@@ -288,10 +288,13 @@ class ApplicationContext(QObject):
         names = ", ".join(path.name for path in paths)
 
         def work(progress: Progress, cancelled: IsCancelled) -> tuple[Session, ...]:
-            sessions = []
+            from fingerlab.sessions import refuse_twice
+
+            sessions: list[Session] = []
             for number, path in enumerate(paths):
                 progress(number / len(paths), f"reading {path.name}")
                 sessions.append(self._read(make_whole(path, part_of(progress, number, len(paths)))))
+            refuse_twice(sessions)
             return tuple(sessions)
 
         def done(sessions: Any) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import threading
 from dataclasses import replace
 from pathlib import Path
@@ -274,6 +275,23 @@ def test_a_wrong_file_dropped_on_any_tab_is_one_sentence(
             assert "Traceback" not in message.text()
             assert window.current == key
             assert window.context.sessions == ()
+
+
+def test_a_recording_that_is_dropped_with_its_copy_is_one_sentence(
+    window: MainWindow, session_file: Path, tmp_path: Path, qtbot: QtBot
+) -> None:
+    copy = tmp_path / "copy.h5"
+    shutil.copy(session_file, copy)
+    message = child(window, QLabel, "message")
+    for paths, words in (
+        ((session_file, copy), "hold the same recording; give one of them"),
+        ((session_file, session_file), "is given twice; give each session once"),
+    ):
+        window.context.hush()
+        drop(window, *paths)
+        qtbot.waitUntil(lambda: message.isVisible() and not window.tasks.busy, timeout=PATIENCE)
+        assert words in message.text()
+        assert window.context.sessions == ()
 
 
 def test_tasks_of_different_owners_wait_for_one_another(qtbot: QtBot, window: MainWindow) -> None:
