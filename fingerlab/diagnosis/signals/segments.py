@@ -256,13 +256,18 @@ def _drive_sign(torque: Array, motion: Array) -> float:
 
     What is left of the torque beside a constant, a spring and inertia must oppose the motion, since
     a machine that only rubs cannot give work back. Where it clearly helps instead, the recording shows the
-    reaction, and its sign is turned.
+    reaction, and its sign is turned. Where inertia alone tells more than all that is left, its sign decides:
+    a torque that is logged half a sample before its position seems to help the motion a little, too.
 
     Args:
         torque: N m, shape (n,). motion: position, velocity and acceleration, shape (3, n).
     """
     held = np.stack((np.ones_like(torque), motion[0], motion[2]), axis=1)
-    rest = torque - held @ np.linalg.lstsq(held, torque, rcond=None)[0]
+    fitted = np.linalg.lstsq(held, torque, rcond=None)[0]
+    rest = torque - held @ fitted
+    beside = motion[2] - held[:, :2] @ np.linalg.lstsq(held[:, :2], motion[2], rcond=None)[0]
+    if abs(float(fitted[2])) * float(beside.std()) > float(rest.std()):
+        return -1.0 if fitted[2] < 0.0 else 1.0
     alike = float(rest @ motion[1]) / max(float(np.linalg.norm(rest) * np.linalg.norm(motion[1])), 1e-300)
     return -1.0 if alike < -CLEARLY_HELPING else 1.0
 
