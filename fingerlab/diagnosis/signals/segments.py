@@ -256,8 +256,8 @@ def _drive_sign(torque: Array, motion: Array) -> float:
 
     What is left of the torque beside a constant, a spring and inertia must oppose the motion, since
     a machine that only rubs cannot give work back. Where it clearly helps instead, the recording shows the
-    reaction, and its sign is turned. Where inertia alone tells more than all that is left, its sign decides:
-    a torque that is logged half a sample before its position seems to help the motion a little, too.
+    reaction, and its sign is turned. Not so where inertia alone tells more than all that is left: a
+    torque that is logged half a sample before its position seems to help the motion a little, too.
 
     Args:
         torque: N m, shape (n,). motion: position, velocity and acceleration, shape (3, n).
@@ -266,8 +266,8 @@ def _drive_sign(torque: Array, motion: Array) -> float:
     fitted = np.linalg.lstsq(held, torque, rcond=None)[0]
     rest = torque - held @ fitted
     beside = motion[2] - held[:, :2] @ np.linalg.lstsq(held[:, :2], motion[2], rcond=None)[0]
-    if abs(float(fitted[2])) * float(beside.std()) > float(rest.std()):
-        return -1.0 if fitted[2] < 0.0 else 1.0
+    if float(fitted[2]) * float(beside.std()) > float(rest.std()):
+        return 1.0
     alike = float(rest @ motion[1]) / max(float(np.linalg.norm(rest) * np.linalg.norm(motion[1])), 1e-300)
     return -1.0 if alike < -CLEARLY_HELPING else 1.0
 
