@@ -210,7 +210,11 @@ def build(
 ) -> Model:
     """The model with the nominal equations, all nuisances (one law of the tip), and the chosen effects."""
     absent = {name for law, names in TIP_LAWS.items() if law != tip_law for name in names}
-    absent |= set() if layout.late_torque else {TORQUE_LAG}
+    if layout.torque_lag:
+        known = layout.nuisances
+        layout = replace(layout, nuisances={**known, TORQUE_LAG: known[layout.torque_lag]})
+    else:
+        absent |= {TORQUE_LAG}
     special = {c.effect.special for c in choices}
     relaxed = {name: gain for c in choices for name, gain in c.effect.relaxes.items()}
     delayed = "delay" in special
