@@ -26,7 +26,7 @@ FACTORS: Mapping[str, Mapping[str, float]] = {
     "N m/rad": {"N m/rad": 1.0, "mN m/rad": 1e-3, "N mm/rad": 1e-3, "N m/deg": 180.0 / math.pi},
     "kg": {"kg": 1.0, "g": 1e-3},
     "kg m^2": {"kg m^2": 1.0, "g cm^2": 1e-7, "g mm^2": 1e-9},
-    "m": {"m": 1.0, "cm": 1e-2, "mm": 1e-3},
+    "m": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "μm": 1e-6},
 }  # fmt: skip
 """SI unit -> unit that a file of a person may hold -> factor to SI."""
 

@@ -18,6 +18,8 @@ from fingerlab.core.text import factor, same_unit
         ("g mm^2", "kg m^2", 1e-9),
         ("N cm", "N m", 1e-2),
         ("min", "s", 60.0),
+        ("µm", "m", 1e-6),
+        ("um", "m", 1e-6),
         ("mV", "V", 1e-3),
         ("parts", "parts", 1.0),
     ],

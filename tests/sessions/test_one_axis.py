@@ -335,6 +335,7 @@ def test_a_column_of_words_is_left_out_and_named_where_it_is_asked_for(tmp_path,
         ("Zeit [s],Winkel [deg],Moment [Nm]", ("motor_position", "motor_torque")),
         ("Zeit [s],Winkel [deg],Strom (A)", ("motor_position", "motor_current")),
         ("Zeit [s],Weg [mm],Kraft [N]", ("motor_position", "motor_torque")),
+        ("t_s,x_um,F_N", ("motor_position", "motor_torque")),
     ],
 )
 def test_headers_of_other_alphabets_and_languages(tmp_path, capsys, header, channels):
@@ -342,7 +343,7 @@ def test_headers_of_other_alphabets_and_languages(tmp_path, capsys, header, chan
     constant = ("--torque-constant", 2.0) if "motor_current" in channels else ()
     (run,) = imported(capsys, path, *constant).runs
     assert set(channels) <= set(run.units)
-    size = 0.1 if "Weg" in header else math.pi / 180.0
+    size = 0.1 if "Weg" in header else 1e-4 if "um" in header else math.pi / 180.0
     np.testing.assert_allclose(run.channel("motor_position"), size * TURN, atol=1e-9)
 
 
