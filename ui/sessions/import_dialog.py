@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from PySide6.QtCore import Qt, Signal
+from PySide6.QtGui import QKeyEvent
 from PySide6.QtWidgets import (
     QCheckBox,
     QComboBox,
@@ -18,6 +21,7 @@ from PySide6.QtWidgets import (
     QGridLayout,
     QHeaderView,
     QLabel,
+    QLineEdit,
     QPlainTextEdit,
     QPushButton,
     QScrollArea,
@@ -47,12 +51,14 @@ TABLE_ENDINGS = (".txt", ".csv", ".tsv", ".mat")
 """Of files that are taken for tables where they are dropped."""
 RIGS = "Rig files (*.toml);;All files (*)"
 NO_RIG = "The thesis' rig; masses, lengths and springs of the finger are assumed."
+NO_AXIS_RIG = "None is needed; one may say what an ampere gives."
 OPTION_NAMES = {
     "map its column with --map": "choose its column in the table",
     "say which column is which with --map": "choose what each column is",
     "say which is which with --map": "choose what each of them is",
     "or leave the time column out of --map": "or leave the time column unused",
     "is imported with --axis": "is imported with 'Log of one axis of any machine' ticked",
+    "--radius should give the lever between the two in m": "'Lever' should say at which radius it turns",
     "--map": "the table of columns",
     "--rate": "'Samples a second'",
     "--phase": "phase",
@@ -65,6 +71,7 @@ COLUMNS = (
     ("Column", "Title of the column, or its number."),
     ("Is", "The channel that it becomes; what is not used is left out."),
     ("Unit", "In which unit its numbers are."),
+    ("Times", "A factor in front of the unit, such as 0.00153 for an encoder of 4096 steps read in rad."),
     ("Sign reversed", "The numbers are taken times −1, for a sensor that counts the other way."),
     ("First values", "As they stand in the file."),
 )
@@ -74,6 +81,10 @@ ROOM, NUMBER_WIDTH = 48, 180
 AXIS_HELP = (
     "Time, position, torque or current, and load of any machine, in units that are named. A linear axis is "
     "told as an arc of 10 mm radius: 1 mm is 0.1 rad, 1 N is 0.01 N m."
+)
+LEVER_HELP = (
+    "Radius at which a force turns the axis, mm; needed where the position is an angle and torque or load "
+    "are a force, or the other way round. A linear axis is told as an arc of this radius."
 )
 CONSTANT_HELP = "What an ampere gives at the axis, N m/A, gear included; needed where no torque was logged."
 RATE_HELP = "Needed only where no column holds the time."
@@ -88,12 +99,12 @@ class ColumnTable(NumberTable):
     changed = Signal()
 
     def __init__(self) -> None:
-        super().__init__("importTable", "Columns of the file, and what they are", COLUMNS, words=5)
+        super().__init__("importTable", "Columns of the file, and what they are", COLUMNS, words=6)
         self.setSelectionMode(NumberTable.SelectionMode.SingleSelection)
         header = self.horizontalHeader()
         header.setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
         header.setSectionResizeMode(0, QHeaderView.ResizeMode.Stretch)
-        for place, letters in ((1, 22), (2, 12)):
+        for place, letters in ((1, 22), (2, 12), (3, 8)):
             header.setSectionResizeMode(place, QHeaderView.ResizeMode.Fixed)
             header.resizeSection(place, letters * self.fontMetrics().averageCharWidth() + ROOM)
         self.verticalHeader().setDefaultSectionSize(2 * self.fontMetrics().height())
@@ -109,7 +120,7 @@ class ColumnTable(NumberTable):
 
         self.by_hand, self._axis = False, axis
         for row in range(self.rowCount()):
-            for place in (1, 2, 3):
+            for place in (1, 2, 3, 4):
                 self.cellWidget(row, place).setObjectName("")  # they go a moment later
         self.setRowCount(0)
         self.setRowCount(table.columns)
@@ -120,7 +131,7 @@ class ColumnTable(NumberTable):
             numbers = "  ".join(f"{value + 0.0:g}" for value in values[:SHOWN_VALUES, row])
             if row in words:
                 numbers = f"{words[row]}  (words)" if words[row] else "empty"
-            for place, text in ((0, self._names[row]), (4, numbers)):
+            for place, text in ((0, self._names[row]), (5, numbers)):
                 self.setItem(row, place, _cell(text))
             channels = {UNUSED: "not used", **{k: TITLES.get(k, k) for k in (*CHANNEL_UNITS, *own)}}
             kind = choice(f"importIs{row}", channels, f"Column {row + 1} is: the channel that it becomes.")
@@ -128,14 +139,17 @@ class ColumnTable(NumberTable):
             turned = described(
                 QCheckBox(), f"importTurned{row}", accessible=f"Column {row + 1}, sign reversed"
             )
-            for place, field in ((1, kind), (2, unit), (3, turned)):
+            times = described(QLineEdit("1"), f"importTimes{row}", accessible=f"Column {row + 1}, times")
+            for place, field in ((1, kind), (2, unit), (3, times), (4, turned)):
                 self.setCellWidget(row, place, field)
             kind.setCurrentIndex(max(kind.findData(column.channel if column is not None else UNUSED), 0))
             self._offer_units(row, column.unit if column is not None else "")
             set_usable(kind, row not in words)
+            set_usable(times, row not in words)
             set_usable(turned, row not in words)
             kind.activated.connect(lambda _=0, r=row: self._on_kind(r))
             unit.activated.connect(self._on_edited)
+            times.textEdited.connect(self._on_edited)
             turned.toggled.connect(self._on_edited)
         self.selectRow(next((k for k, c in enumerate(found) if c is not None and c.channel != "time"), 0))
 
@@ -152,10 +166,24 @@ class ColumnTable(NumberTable):
         """The unit that is chosen for a column."""
         return str(self._field(row, 2).currentData() or "")
 
-    def sign(self, row: int) -> int:
-        """-1 where the sign of a column is reversed."""
-        box = self.cellWidget(row, 3)
-        return -1 if isinstance(box, QCheckBox) and box.isChecked() else 1
+    def scale(self, row: int) -> float:
+        """By what a column is multiplied: less than 0 where its sign is reversed.
+
+        Raises:
+            UserError: what stands there is no factor.
+        """
+        times, box = self.cellWidget(row, 3), self.cellWidget(row, 4)
+        assert isinstance(times, QLineEdit)
+        assert isinstance(box, QCheckBox)
+        try:
+            factor = float(times.text().replace(",", "."))
+        except ValueError:
+            factor = math.nan
+        if not (math.isfinite(factor) and factor > 0):
+            raise UserError(
+                f"Column {row + 1} is taken times {times.text()!r}; it should be a number above 0, such as 1."
+            )
+        return -factor if box.isChecked() else factor
 
     def title(self, row: int) -> str:
         """What a column is called: its channel, or its own title where it is not used."""
@@ -195,9 +223,13 @@ class ColumnTable(NumberTable):
         self.changed.emit()
 
     def mapping(self) -> str:
-        """What is shown, as ``fingerlab import --map`` has it."""
+        """What is shown, as ``fingerlab import --map`` has it.
+
+        Raises:
+            UserError: a factor is none.
+        """
         rows = [row for row in range(self.rowCount()) if self.kind(row)]
-        return ",".join(f"{self.kind(row)}={row + 1}:{self.unit(row)}:{self.sign(row)}" for row in rows)
+        return ",".join(f"{self.kind(row)}={row + 1}:{self.unit(row)}:{self.scale(row)!r}" for row in rows)
 
 
 def _cell(text: str) -> QTableWidgetItem:
@@ -280,6 +312,8 @@ class ImportDialog(QDialog):
         self.axis = described(QCheckBox("Log of &one axis of any machine"), "importAxis", tip=AXIS_HELP)
         self.constant = NumberField()
         described(self.constant, "importConstant", accessible="Torque of an ampere, N m", tip=CONSTANT_HELP)
+        self.lever = NumberField()
+        described(self.lever, "importLever", accessible="Lever of a force, mm", tip=LEVER_HELP)
         self.rate = NumberField()
         described(self.rate, "importRate", accessible="Samples a second", tip=RATE_HELP)
         self.rig = described(QPushButton("&Rig file…"), "importRig")
@@ -293,9 +327,13 @@ class ImportDialog(QDialog):
         self._read()
 
     def _build(self) -> None:
-        for number, most, text in ((self.rate, 1e6, "by the time column"), (self.constant, 1e3, "not known")):
+        for number, most, decimals, text in (
+            (self.rate, 1e6, 2, "by the time column"),
+            (self.constant, 1e3, 4, "not known"),
+            (self.lever, 1e5, 3, "none"),
+        ):
             number.setRange(0.0, most)
-            number.setDecimals(4 if number is self.constant else 2)
+            number.setDecimals(decimals)
             number.setSpecialValueText(text)
             number.setMaximumWidth(NUMBER_WIDTH)
         grid = QGridLayout()
@@ -314,13 +352,13 @@ class ImportDialog(QDialog):
         room.setWidget(inner)
         room.setMaximumHeight(min(inner.sizeHint().height() + 8, 120))
         samples, ampere = QLabel("&Samples a second"), QLabel("Torque of an &ampere (N m)")
-        samples.setBuddy(self.rate)
-        ampere.setBuddy(self.constant)
+        lever = QLabel("&Lever (mm)")
+        for label, number in ((samples, self.rate), (ampere, self.constant), (lever, self.lever)):
+            label.setBuddy(number)
         first = hbox(None, samples, self.rate, 16, self.rig, (self.rig_words, 1), Spacer(), spacing=8)
-        second = hbox(None, self.axis, 16, ampere, self.constant, Spacer(1), spacing=8)
-        self._bench_only: tuple[QWidget, ...]
-        self._axis_only: tuple[QWidget, ...]
-        self._bench_only, self._axis_only = (self.rig, self.rig_words), (ampere, self.constant)
+        axis_fields = (ampere, self.constant, 16, lever, self.lever)
+        second = hbox(None, self.axis, 16, *axis_fields, Spacer(1), spacing=8)
+        self._axis_only: tuple[QWidget, ...] = (ampere, self.constant, lever, self.lever)
         halves = QSplitter(Qt.Orientation.Vertical)
         for half in (self.columns, self.preview):
             halves.addWidget(half)
@@ -343,6 +381,7 @@ class ImportDialog(QDialog):
         self.columns.itemSelectionChanged.connect(self._preview)
         self.rate.valueChanged.connect(self.look)
         self.constant.valueChanged.connect(self.look)
+        self.lever.valueChanged.connect(self.look)
         self.rig.clicked.connect(self._choose_rig)
         self.buttons.accepted.connect(self.accept)
         self.buttons.rejected.connect(self.reject)
@@ -351,7 +390,13 @@ class ImportDialog(QDialog):
     def _axis(self) -> Axis | None:
         from fingerlab.sessions.mapping import Axis
 
-        return Axis() if self.axis.isChecked() else None
+        if not self.axis.isChecked():
+            return None
+        return Axis(self._lever_m, lever=True) if self._lever_m else Axis()
+
+    @property
+    def _lever_m(self) -> float | None:
+        return self.lever.value() / 1e3 or None
 
     def _read(self) -> None:
         """The first rows of the first file, and what its columns are likely to be."""
@@ -361,9 +406,10 @@ class ImportDialog(QDialog):
         axis = self._axis
         for field in (field for fields in self._each for field in fields):
             set_usable(field, axis is None)
-        for widgets, on in ((self._bench_only, axis is None), (self._axis_only, axis is not None)):
-            for widget in widgets:
-                widget.setVisible(on)
+        for widget in self._axis_only:
+            widget.setVisible(axis is not None)
+        if self.rig_file is None:
+            self.rig_words.setText(NO_RIG if axis is None else NO_AXIS_RIG)
         try:
             self._table, self._values = first_rows(self._files[0])
             self.columns.show_columns(self._table, self._values, likely_columns(self._table, axis), axis)
@@ -373,6 +419,7 @@ class ImportDialog(QDialog):
 
     def look(self) -> None:
         """Plan with the fields as they are; say what would be written, or why that cannot be."""
+        from fingerlab.rig.file import load_rig
         from fingerlab.sessions.importing import TextRun, describe, of_one_axis
 
         sources: list[TextRun] = [
@@ -382,9 +429,11 @@ class ImportDialog(QDialog):
         self.axis_rig = None
         try:
             if self.axis.isChecked():
-                sources, self.axis_rig = of_one_axis(sources, None, self.constant.value() or None, None)
+                constant = (self.constant.value() or None) if self.rig_file is None else None
+                known = load_rig(self.rig_file) if self.rig_file is not None else None
+                sources, self.axis_rig = of_one_axis(sources, known, constant, self._lever_m)
             self.plans = self._planned(sources)
-            if self.axis_rig is not None and not self.constant.value():
+            if self.axis_rig is not None and not self.constant.value() and self.rig_file is None:
                 self._refuse_unknown_constant()
             words = "\n".join(
                 line for plan in self.plans for line in describe(plan) if "<- column" not in line
@@ -447,7 +496,15 @@ class ImportDialog(QDialog):
         times = (
             (factor(unit, target) if axis is None else axis.factor(unit, target)) if target and unit else 1.0
         )
-        return np.asarray(self._values[:, row] * (times or 1.0) * self.columns.sign(row))
+        with suppress(UserError):  # said beside the plan
+            times = (times or 1.0) * self.columns.scale(row)
+        return np.asarray(self._values[:, row] * (times or 1.0))
+
+    def keyPressEvent(self, event: QKeyEvent) -> None:
+        """Return in a field takes what was typed there; it is no press of a button beside it."""
+        enter = event.key() in (Qt.Key.Key_Return, Qt.Key.Key_Enter)
+        if not enter or isinstance(self.focusWidget(), QPushButton):
+            super().keyPressEvent(event)
 
     def accept(self) -> None:
         if self.plans:
@@ -458,13 +515,15 @@ class ImportDialog(QDialog):
         if name:
             self.rig_file = Path(name)
             self.rig_words.setText(name)
+            set_usable(self.constant, False)
+            self.constant.setToolTip("The rig file says what an ampere gives.")
+            self.look()
 
 
 def in_the_window(sentence: str) -> str:
     """A sentence of the command, with the names that its options have here."""
     sentence = re.sub(r"say them, such as --map (\"[^\"]*\"|\S*\w)", "choose them in the table", sentence)
     sentence = re.sub(r"say which is which, such as --map .*", "choose them in the table.", sentence)
-    sentence = sentence.replace("--radius should give", "'fingerlab import --radius' should give")
     for option, name in OPTION_NAMES.items():
         sentence = sentence.replace(option, name)
     return sentence

@@ -8,11 +8,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scipy.io
-from PySide6.QtCore import QPoint
+from click.testing import CliRunner
+from PySide6.QtCore import QPoint, Qt
 from PySide6.QtTest import QTest
-from PySide6.QtWidgets import QCheckBox, QComboBox, QFileDialog, QPlainTextEdit, QPushButton
+from PySide6.QtWidgets import (
+    QCheckBox,
+    QComboBox,
+    QDoubleSpinBox,
+    QFileDialog,
+    QLineEdit,
+    QPlainTextEdit,
+    QPushButton,
+)
 from pytestqt.qtbot import QtBot
 
+from fingerlab.cli.sessions import import_text
 from fingerlab.sessions import open_session
 from fingerlab.ui.app.window import MainWindow
 from fingerlab.ui.sessions.import_dialog import ImportDialog
@@ -140,7 +150,7 @@ def test_bad_rows_and_words_are_told_where_a_table_is_looked_at(
     dialog = dialog_of(browsing)
     QTest.mouseClick(child(dialog, QCheckBox, "importAxis"), LEFT)
     assert [dialog.columns.kind(row) for row in range(4)] == ["time", "", "motor_position", "motor_torque"]
-    assert dialog.columns.item(1, 4).text() == "AUTO  (words)"
+    assert dialog.columns.item(1, 5).text() == "AUTO  (words)"
     assert not child(dialog, QComboBox, "importIs1").isEnabled()
     words = (
         "2 of 1,000 rows are left out: 1 without a number in a column that is used (line 101), 1 cut off at "
@@ -149,7 +159,7 @@ def test_bad_rows_and_words_are_told_where_a_table_is_looked_at(
     assert words in child(dialog, QPlainTextEdit, "importSeen").toPlainText()
     choose(dialog, "importUnit3", "N")
     seen = child(dialog, QPlainTextEdit, "importSeen").toPlainText()
-    assert "in a unit such as Nm, or 'fingerlab import --radius' should give the lever" in seen
+    assert "in a unit such as Nm, or 'Lever' should say at which radius it turns" in seen
     choose(dialog, "importUnit3", "Nm")
     target = tmp_path / "library" / "drive.h5"
     monkeypatch.setattr(QFileDialog, "getSaveFileName", staticmethod(lambda *_, **__: (str(target), "")))
@@ -158,6 +168,78 @@ def test_bad_rows_and_words_are_told_where_a_table_is_looked_at(
     qtbot.waitUntil(lambda: not browsing.tasks.busy, timeout=PATIENCE)
     (run,) = open_session(target).runs
     assert (run.length, run.attributes["left_out"]) == (998, words)
+
+
+def test_a_force_at_a_lever_and_an_encoder_in_counts_are_what_the_command_makes_of_them(
+    browsing: MainWindow, tmp_path: Path, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    log = tmp_path / "drive.csv"
+    rows = "\n".join(f"{k / 500:.3f},{k % 50},{k % 7 - 3}" for k in range(1000))
+    log.write_text(f"t (s),steps,F (N)\n{rows}", encoding="utf-8")
+    drop(browsing, log)
+    dialog = dialog_of(browsing)
+    QTest.mouseClick(child(dialog, QCheckBox, "importAxis"), LEFT)
+    choose(dialog, "importIs1", "motor position")
+    choose(dialog, "importUnit1", "rad")
+    choose(dialog, "importIs2", "motor torque")
+    choose(dialog, "importUnit2", "N")
+    seen = child(dialog, QPlainTextEdit, "importSeen")
+    times = child(dialog, QLineEdit, "importTimes1")
+    for wrong in ("", "-1", "many"):
+        times.selectAll()
+        QTest.keyClick(times, Qt.Key.Key_Delete)
+        QTest.keyClicks(times, wrong)
+        assert "it should be a number above 0" in seen.toPlainText()
+    times.clear()
+    QTest.keyClicks(times, "0,00153")
+    write = child(dialog, QPushButton, "importWrite")
+    assert not write.isEnabled()
+    assert "'Lever' should say at which radius it turns" in seen.toPlainText()
+    lever = child(dialog, QDoubleSpinBox, "importLever")
+    lever.setFocus()
+    lever.selectAll()
+    QTest.keyClicks(lever, "50")
+    QTest.keyClick(lever, Qt.Key.Key_Return)
+    assert lever.value() == 50.0
+    assert write.isEnabled(), seen.toPlainText()
+    dialog.columns.selectRow(1)
+    assert dialog.preview.shown["motor position"][49] == pytest.approx(49 * 0.00153)
+    target = tmp_path / "library" / "drive.h5"
+    monkeypatch.setattr(QFileDialog, "getSaveFileName", staticmethod(lambda *_, **__: (str(target), "")))
+    QTest.mouseClick(write, LEFT)
+    qtbot.waitUntil(target.exists, timeout=PATIENCE)
+    qtbot.waitUntil(lambda: not browsing.tasks.busy, timeout=PATIENCE)
+    (run,) = open_session(target).runs
+    assert run.channel("motor_position")[49] == pytest.approx(49 * 0.00153)
+    assert run.channel("motor_torque")[:4] == pytest.approx([-0.15, -0.1, -0.05, 0.0])  # 50 mm times N
+    same = tmp_path / "same.h5"
+    mapping = "time=t:s,position=steps:rad:0.00153,torque=F:N"
+    arguments = [log, "--axis", "--map", mapping, "--radius", "0.05", "--out", same, "--yes"]
+    assert CliRunner().invoke(import_text, [str(a) for a in arguments]).exit_code == 0
+    (told,) = open_session(same).runs
+    for channel in ("time", "motor_position", "motor_torque"):
+        assert np.array_equal(told.channel(channel)[:], run.channel(channel)[:]), channel
+
+
+def test_the_rig_file_of_one_axis_says_what_an_ampere_gives(
+    browsing: MainWindow, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    log, rig = tmp_path / "drive.csv", tmp_path / "drive.toml"
+    rows = "\n".join(f"{k / 500:.3f},{k % 50},{k % 7}" for k in range(100))
+    log.write_text(f"t (s),q (deg),I (A)\n{rows}", encoding="utf-8")
+    rig.write_text("[motor]\ngear_ratio = 1.0\ntorque_constant = 0.5\n", encoding="utf-8")
+    drop(browsing, log)
+    dialog = dialog_of(browsing)
+    QTest.mouseClick(child(dialog, QCheckBox, "importAxis"), LEFT)
+    assert not child(dialog, QPushButton, "importWrite").isEnabled()
+    monkeypatch.setattr(QFileDialog, "getOpenFileName", staticmethod(lambda *_, **__: (str(rig), "")))
+    QTest.mouseClick(child(dialog, QPushButton, "importRig"), LEFT)
+    assert child(dialog, QPushButton, "importWrite").isEnabled()
+    assert not dialog.constant.isEnabled()
+    assert dialog.axis_rig is not None
+    assert dialog.axis_rig.motor.torque_constant == 0.5
+    assert dialog.axis_rig.finger is None
+    dialog.reject()
 
 
 @pytest.mark.parametrize("name", ["text-header.txt", "text-decimal-comma.txt"])
