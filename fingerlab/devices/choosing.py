@@ -30,7 +30,7 @@ from fingerlab.core.trust import (
 )
 from fingerlab.devices.faults import Faults
 from fingerlab.devices.protocol import Clock, Device, DeviceFault, DeviceLost, FoundDevice, RealClock
-from fingerlab.rig.daq import Daq, plain_section
+from fingerlab.rig.daq import plain_section
 from fingerlab.rig.file import Rig, default_rig
 
 if TYPE_CHECKING:
@@ -181,10 +181,8 @@ def _card(rig: Rig | None, channel: Any) -> FoundDevice:
         connection = Connection(daq, channel)
         try:
             return _ask(connection, name)
-        except nidaqmx.errors.DaqNotFoundError as error:
-            return FoundDevice(name, False, f"no NI-DAQmx driver: {INSTEAD} ({_short(error)})")
-        except nidaqmx.errors.DaqNotSupportedError as error:
-            return FoundDevice(name, False, f"no NI-DAQmx driver: {INSTEAD} ({_short(error)})")
+        except (nidaqmx.errors.DaqNotFoundError, nidaqmx.errors.DaqNotSupportedError) as error:
+            return FoundDevice(name, False, f"no NI-DAQmx driver: {INSTEAD} ({_short(error)})", ())
         except (nidaqmx.errors.RpcError, DeviceLost) as error:
             return FoundDevice(name, False, _not_there(daq.server, error))
         finally:
@@ -193,7 +191,7 @@ def _card(rig: Rig | None, channel: Any) -> FoundDevice:
         return FoundDevice(name, False, f"{_short(error)}: {INSTEAD}")
     except ImportError as error:
         return FoundDevice(
-            name, False, f"no NI-DAQmx driver: {INSTEAD} (nidaqmx cannot be loaded: {_short(error)})"
+            name, False, f"no NI-DAQmx driver: {INSTEAD} (nidaqmx cannot be loaded: {_short(error)})", ()
         )
     except Exception as error:  # a driver may fail in any way; the window has to open all the same
         return FoundDevice(name, False, f"the NI-DAQmx driver failed: {INSTEAD} ({_short(error)})")
@@ -207,11 +205,13 @@ def _ask(connection: Any, name: str) -> FoundDevice:
         if failure.__cause__ is not None:
             raise failure.__cause__ from None
         raise
-    names = list(system.devices.device_names)
+    names = tuple(map(str, system.devices.device_names))
     where = connection.where
     if name not in names:
         known = f"it knows {', '.join(names)}" if names else "it knows none"
-        return FoundDevice(name, False, f"the NI-DAQmx driver knows no card {where} ({known}): {INSTEAD}")
+        return FoundDevice(
+            name, False, f"the NI-DAQmx driver knows no card {where} ({known}): {INSTEAD}", names
+        )
     device = system.devices[name]
     product = str(device.product_type)
     if device.is_simulated:
@@ -219,8 +219,9 @@ def _ask(connection: Any, name: str) -> FoundDevice:
             name,
             False,
             f"{where} ({product}) is a simulated device of NI MAX, whose encoder stands still: {INSTEAD}",
+            names,
         )
-    return FoundDevice(name, True, f"{where}: {product}, serial number {int(device.serial_num):X}")
+    return FoundDevice(name, True, f"{where}: {product}, serial number {int(device.serial_num):X}", names)
 
 
 def _not_there(server: str, error: Exception) -> str:
@@ -361,7 +362,7 @@ def refuse_unknown(choice: DeviceChoice, channel: Any = None) -> None:
     if choice.kind != CARD:
         return
     daq = (choice.rig or default_rig()).daq
-    names = _listed(daq, channel)
+    names = _card(choice.rig, channel).listed
     if names is None or daq.device in names:
         return
     what = f"There is no device {daq.device!r}" + (f" at {daq.server}" if daq.server else "")
@@ -372,25 +373,6 @@ def refuse_unknown(choice: DeviceChoice, channel: Any = None) -> None:
         right = f"no NI-DAQmx driver lists a card {where}; give the name of one that is plugged in"
         right += "" if daq.server else ", one behind a device server such as 'host:31763/Dev1'"
     raise UserError(f"{what}: {right}, {SIMULATED!r} or 'own:FILE.py'.")
-
-
-def _listed(daq: Daq, channel: Any) -> tuple[str, ...] | None:
-    """Names of the cards that the driver has, none of them without a driver; None where it does not say."""
-    try:
-        from fingerlab.devices.ni.connection import Connection
-
-        connection = Connection(daq, channel)
-        try:
-            return tuple(map(str, connection.system().devices.device_names))
-        finally:
-            connection.close()
-    except ImportError:
-        return ()
-    except Exception as error:  # of a driver, which may fail in any way: said where the card is opened
-        import nidaqmx.errors
-
-        absent = (nidaqmx.errors.DaqNotFoundError, nidaqmx.errors.DaqNotSupportedError)
-        return () if isinstance(error, absent) or isinstance(error.__cause__, absent) else None
 
 
 def _naming(rig: Rig, card: str, server: str | None) -> Rig:

@@ -257,8 +257,12 @@ def safety_lines(device: Device) -> SafetyLines:
 
 @dataclass(frozen=True)
 class FoundDevice:
-    """One device that was found, or why it was not: ``sentence`` is shown as it is."""
+    """One device that was found, or why it was not: ``sentence`` is shown as it is.
+
+    ``listed``: names of all cards that its driver has, none of them without a driver; None: it does not say.
+    """
 
     name: str
     available: bool
     sentence: str
+    listed: tuple[str, ...] | None = None

@@ -20,8 +20,8 @@ from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress
 from fingerlab.library.index import started_at, text_list, time_of
 from fingerlab.library.reviewing import PIECE, markers_of
+from fingerlab.sessions.hashes import content_hash
 from fingerlab.sessions.model import OWN_ROOT_ATTRIBUTES, Run, Session, as_stored
-from fingerlab.sessions.reading import content_hash
 from fingerlab.sessions.writing import SessionWriter
 
 TAKEN_FROM = "taken_from"

@@ -7,15 +7,13 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from fingerlab.sessions.distinct import refuse_twice
     from fingerlab.sessions.exporting import copy_session
+    from fingerlab.sessions.hashes import content_hash, file_hash, refuse_twice
     from fingerlab.sessions.model import Run, Session
     from fingerlab.sessions.reading import (
         CheckReport,
         Finding,
         check_session,
-        content_hash,
-        file_hash,
         open_session,
     )
     from fingerlab.sessions.writing import SessionWriter
@@ -41,11 +39,11 @@ _HOMES = {
     "Session": "model",
     "SessionWriter": "writing",
     "check_session": "reading",
-    "content_hash": "reading",
+    "content_hash": "hashes",
     "copy_session": "exporting",
-    "file_hash": "reading",
+    "file_hash": "hashes",
     "open_session": "reading",
-    "refuse_twice": "distinct",
+    "refuse_twice": "hashes",
 }
 
 

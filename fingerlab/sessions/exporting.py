@@ -25,9 +25,10 @@ from fingerlab.core.files import OutputSet, new_file
 from fingerlab.core.plain_data import json_ready
 from fingerlab.core.progress import Progress
 from fingerlab.sessions.disk_files import TargetFile
+from fingerlab.sessions.hashes import content_hash
 from fingerlab.sessions.hdf5 import open_hdf5, write_attributes, writing_to
 from fingerlab.sessions.model import Array, Run, Session
-from fingerlab.sessions.reading import content_hash, open_session
+from fingerlab.sessions.reading import open_session
 
 
 def copy_session(source: str | Path, target: str | Path, attributes: Mapping[str, Any] | None = None) -> Path:

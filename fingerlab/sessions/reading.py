@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -276,31 +275,6 @@ def _whole(path: Path) -> Path:
     from fingerlab.sessions.repair import repaired  # it writes sessions, which needs what is above
 
     return repaired(path)
-
-
-def content_hash(session: Session) -> str:
-    """SHA-256 of the session's file in hexadecimal, for the files of fitted models.
-
-    Raises:
-        UserError: the file can no longer be read.
-    """
-    return file_hash(session.path)
-
-
-def file_hash(path: Path) -> str:
-    """SHA-256 of a file in hexadecimal, whatever it holds.
-
-    Raises:
-        UserError: the file can no longer be read.
-    """
-    digest = hashlib.sha256()
-    try:
-        with path.open("rb") as file:
-            while block := file.read(1 << 20):
-                digest.update(block)
-    except OSError as error:
-        raise UserError(f"{path} cannot be read ({error.strerror}); put it back.") from None
-    return digest.hexdigest()
 
 
 def _order(name: str) -> tuple[int, str]:

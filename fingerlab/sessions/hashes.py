@@ -1,13 +1,38 @@
-"""Sessions that are given together have to differ: what was recorded once is evidence once."""
+"""Hashes of files, by which recordings are told apart: what was recorded once is evidence once."""
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Sequence
 from pathlib import Path
 
 from fingerlab.core.errors import UserError
 from fingerlab.sessions.model import Session
-from fingerlab.sessions.reading import content_hash
+
+
+def content_hash(session: Session) -> str:
+    """SHA-256 of the session's file in hexadecimal, for the files of fitted models.
+
+    Raises:
+        UserError: the file can no longer be read.
+    """
+    return file_hash(session.path)
+
+
+def file_hash(path: Path) -> str:
+    """SHA-256 of a file in hexadecimal, whatever it holds.
+
+    Raises:
+        UserError: the file can no longer be read.
+    """
+    digest = hashlib.sha256()
+    try:
+        with path.open("rb") as file:
+            while block := file.read(1 << 20):
+                digest.update(block)
+    except OSError as error:
+        raise UserError(f"{path} cannot be read ({error.strerror}); put it back.") from None
+    return digest.hexdigest()
 
 
 def refuse_twice(sessions: Sequence[Session]) -> None:
