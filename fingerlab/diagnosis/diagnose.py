@@ -33,7 +33,7 @@ from fingerlab.diagnosis.answer.wording import (
     residual_offsets,
 )
 from fingerlab.diagnosis.equations.model import Choice, build
-from fingerlab.diagnosis.equations.parameters import TORQUE_LAG, TORQUE_SKEW
+from fingerlab.diagnosis.equations.parameters import TORQUE_LAG
 from fingerlab.diagnosis.fit.data import Weights
 from fingerlab.diagnosis.fit.run_spreads import find_constants
 from fingerlab.diagnosis.gram.reduction import Reduction
@@ -167,11 +167,10 @@ def settle_constants(reduction: Reduction, scorer: Scorer) -> Scorer:
 
     They are looked for once, under the bare model, whatever effects are given.
     """
-    if scorer.reduced.on_bench and not (reduction.settled or reduction.torque_lag):
-        lags = [name for name in (TORQUE_LAG, TORQUE_SKEW) if name in scorer.reduced.layout.nuisances]
-        reduction.torque_lag = next((one for one in lags if torque_lags(reduction, scorer, one)), "")
-    if reduction.torque_lag:
-        scorer = scorer.with_torque_lag(reduction.torque_lag)
+    if scorer.reduced.on_bench and not (reduction.settled or reduction.late_torque):
+        reduction.late_torque = torque_is_late(reduction, scorer)
+    if reduction.late_torque:
+        scorer = scorer.with_late_torque()
     if reduction.constants is None and not reduction.settled:
         free = Scorer(replace(scorer.reduced, held={})) if scorer.reduced.held else scorer
         bare, rig = free.bare, reduction.sessions[0].rig
@@ -185,29 +184,27 @@ LIKE_A_LAG = "motor_viscous_friction"
 """At one pace an inertia's torque that comes late is what viscous friction takes."""
 
 
-def torque_lags(reduction: Reduction, scorer: Scorer, within: str) -> bool:
+def torque_is_late(reduction: Reduction, scorer: Scorer) -> bool:
     """Whether the torque of a motor alone is logged so far from its position that it has to be known.
 
-    Only where that explains nearly all that the bare model misses. A lag has to explain more than viscous
-    friction would: that of a machine that rubs is not told from its friction. A torque that is logged early,
-    as by a drive that holds it for a sample, looks like nothing that rubs.
-
-    Args:
-        within: the range that is looked at, :data:`TORQUE_LAG` or :data:`TORQUE_SKEW`.
+    Only where that explains nearly all that the bare model misses, and more than viscous friction would: the
+    lag of a machine that rubs is not told from its friction. A torque that comes early looks like nothing
+    that rubs.
     """
-    beside, bare = scorer.with_torque_lag(within), scorer.score_held_out(scorer.bare)
-    lagging = beside.score_held_out(beside.fit_reweighted([], bare))
+    late, bare = scorer.with_late_torque(), scorer.score_held_out(scorer.bare)
+    lagging = late.score_held_out(late.fit_reweighted([], bare))
     place = lagging.model.index[TORQUE_LAG]
     lag, most = float(lagging.fit.values[place]), float(lagging.model.high[place])
+    usual = lagging.model.unknowns[place].parameter.typical
     if not lagging.misfit < (1.0 - LAG_SHARE) * bare.misfit:
         return False
-    if within == TORQUE_SKEW:
-        return lag < 0.0
-    if not lagging.model.unknowns[place].parameter.typical < lag < 0.99 * most:
+    if lag < 0.0:
+        return True
+    if not usual < lag < 0.99 * most:
         return False
     rubs = effect(LIKE_A_LAG)  # also where it is not asked for, or left out of the catalogue
-    refined = Scorer(reduction.refined([rubs]))
-    rubbing = refined.score_held_out(refined.fit_reweighted([Choice(rubs)], bare))
+    beside = Scorer(reduction.refined([rubs]))
+    rubbing = beside.score_held_out(beside.fit_reweighted([Choice(rubs)], bare))
     return rubbing.misfit - lagging.misfit > 2.0 * DECIDING_LOG_ODDS
 
 

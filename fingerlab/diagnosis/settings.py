@@ -60,9 +60,8 @@ where fewer do."""
 USUAL_LAG_S, USUAL_LAG_SAMPLES = 0.002, 2.0
 """A motor's torque is logged later than its position by about so much, or so many samples: its current is
 filtered, a bus hands either on; assumed. Up to ten times as much is looked for."""
-SKEW_SAMPLES = 1.5
-"""By so many samples a drive's torque may be logged before its position, at most: half of one as it is held,
-and one that its calculation takes; a normal prior of half as much."""
+EARLY_SAMPLES = 1.5
+"""... or earlier by up to so many samples: half of one as a drive holds it, and one of its calculation."""
 LAG_SHARE = 0.9
 """It is only believed where it explains so much of what the bare model misses; assumed: where motors rub it
 explains a fifth at most, and viscous friction of a light touch three quarters."""

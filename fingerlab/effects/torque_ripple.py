@@ -60,7 +60,7 @@ def orders_seen(motions: Sequence[Motion]) -> tuple[Shape, ...]:
     turns = float(np.median([np.ptp(one.position) for one in motions])) / (2.0 * math.pi)
     usual = [float(n) for n in RIPPLE_ORDERS if n * turns >= LEAST_PERIODS] if turns < 1.0 else []
     shapes = tuple({"order": order} for order in sorted({*usual, *strongest_orders(motions)}))
-    swings = turns < LEAST_PERIODS and all(one.turns for one in motions)
+    swings = turns < LEAST_PERIODS and all(one.revolute for one in motions)
     return (WEIGHS, *shapes) if swings else shapes
 
 

@@ -53,7 +53,7 @@ class Motion:
     joints: nominal.JointMotion | None = None
     force: Array | None = None
     load: Array | None = None
-    turns: bool = True  # no axis along a line, told as an arc, nor one that moves far less than it could turn
+    revolute: bool = True  # no axis along a line, told as an arc, nor one that moves by far less than a turn
     lead: int = 0  # samples at the start that only set the memory of what has one; no equation counts there
     slip_mean_from: int = 0  # sample from which on the share of rubbing that is left to a lean is taken
     position_step: float = 0.0  # of the motor's encoder, rad

@@ -141,7 +141,7 @@ def test_a_motor_alone_that_hardly_moves_has_its_own_unit_of_angle(
     assert reduced.channel("motor_position", 0, 99) == pytest.approx(given / angle, rel=1e-12)
     assert reduced.trajectory["amplitude_deg"] == pytest.approx(12.0 / angle)
     (motion,) = segments_of(reduced, session.rig)
-    assert motion.turns == (not linear and angle == 1.0)
+    assert motion.revolute == (not linear and angle == 1.0)
     largest = 0.2 * factor / angle * 2 * np.pi  # rad/s, of a sine of 1 Hz
     assert np.abs(motion.velocity[motion.lead :]).max() == pytest.approx(largest, rel=1e-2)
 
@@ -275,3 +275,7 @@ def test_a_torque_that_is_logged_before_its_position_is_no_effect(late: float) -
     found = diagnose([replace(_alone(), runs=tuple(runs))])
     assert found.verdict == "nothing_missing"
     assert found.errors["motor_torque"].r2 > 0.999
+    assert [one.kind for one in found.bench] == (["skew"] if late else [])
+    for skew in found.bench:
+        assert skew.size == pytest.approx(late / rate, rel=0.05)
+        assert "ms before its position: that is how a drive that holds it" in skew.text

@@ -429,8 +429,10 @@ class ImportDialog(QDialog):
         self.axis_rig = None
         try:
             if self.axis.isChecked():
-                constant = (self.constant.value() or None) if self.rig_file is None else None
-                known = load_rig(self.rig_file) if self.rig_file is not None else None
+                if self.rig_file is None:
+                    known, constant = None, self.constant.value() or None
+                else:
+                    known, constant = load_rig(self.rig_file), None
                 sources, self.axis_rig = of_one_axis(sources, known, constant, self._lever_m)
             self.plans = self._planned(sources)
             if self.axis_rig is not None and not self.constant.value() and self.rig_file is None:
@@ -493,12 +495,11 @@ class ImportDialog(QDialog):
 
         unit, axis = self.columns.unit(row), self._axis
         target = self._unit_of(row)
-        times = (
-            (factor(unit, target) if axis is None else axis.factor(unit, target)) if target and unit else 1.0
-        )
+        of_unit = factor if axis is None else axis.factor
+        times = (of_unit(unit, target) if target and unit else None) or 1.0
         with suppress(UserError):  # said beside the plan
-            times = (times or 1.0) * self.columns.scale(row)
-        return np.asarray(self._values[:, row] * (times or 1.0))
+            times *= self.columns.scale(row)
+        return np.asarray(self._values[:, row] * times)
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
         """Return in a field takes what was typed there; it is no press of a button beside it."""

@@ -16,13 +16,13 @@ from fingerlab.diagnosis.gram.sums import SOURCES, Offsets
 from fingerlab.diagnosis.score.evidence import Evidence
 from fingerlab.diagnosis.score.fitted_model import FittedModel, at_assumed_bounds, own_keys
 from fingerlab.diagnosis.settings import (
+    AT_BOUND,
     LEAST_SPIKES,
     MOST_NAMED,
     REPORTED_OFFSET,
     REPORTED_SHARE,
     REPORTED_SKEW_S,
     REPORTED_ZERO_DEG,
-    USUAL_LAG_S,
     Z90,
 )
 from fingerlab.diagnosis.signals.channel_checks import torque_of_an_ampere
@@ -73,15 +73,15 @@ def _channels(reduction: Reduction) -> list[BenchFinding]:
 def _skew(reduction: Reduction, last: FittedModel) -> list[BenchFinding]:
     """Joint angles, or the torque of a motor alone, that were read later than the motor's position."""
     found, seconds = [], reduction.scales.of("s")
-    for key, channel, least, what, than, advice in (
-        (
-            *(DELAY, "mcp_angle", REPORTED_SKEW_S, "The joint angles come", "the motor's channels"),
-            "read all channels at one instant, or correct their times",
-        ),
-        (
-            *(TORQUE_LAG, "motor_torque", USUAL_LAG_S, "The motor's torque comes", "its position"),
-            "log the current before it is filtered, or correct its times",
-        ),
+    held = "that is how a drive that holds it until the next reading logs it; correct its times"
+    filtered = "log the current before it is filtered, or correct its times"
+    at_once = "read all channels at one instant, or correct their times"
+    joints = "The joint angles come", "the motor's channels"
+    drive = "The motor's torque comes", "its position"
+    # A torque's is in the model only where it explains much: however small, it is told.
+    for key, channel, least, (what, than), if_early, if_late in (
+        (DELAY, "mcp_angle", REPORTED_SKEW_S, joints, at_once, at_once),
+        (TORQUE_LAG, "motor_torque", 0.0, drive, held, filtered),
     ):
         place = last.model.index.get(key)
         if place is None or last.model.delayed:
@@ -89,8 +89,9 @@ def _skew(reduction: Reduction, last: FittedModel) -> list[BenchFinding]:
         late, unsure = float(last.fit.values[place]), float(last.fit.deviations[place])
         if abs(late) < max(least, REPORTED_OFFSET * unsure):
             continue
-        at_least = "at least " if abs(late) >= last.model.high[place] * 0.99 else ""
-        after = "after" if late > 0 else "before"
+        bound = last.model.high[place] if late > 0 else last.model.low[place]
+        at_least = "at least " if abs(late) >= AT_BOUND * abs(bound) else ""
+        after, advice = ("after", if_late) if late > 0 else ("before", if_early)
         said = f"{what} {at_least}{_number(abs(late) * seconds * 1e3)} ms {after} {than}"
         found.append(BenchFinding("skew", channel, late * seconds, "s", (), said, advice))
     return found

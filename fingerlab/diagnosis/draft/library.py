@@ -136,14 +136,14 @@ def _one(
 # fmt: off
 def _of_an_axis(axis: _Axis, second: float, radian: float = 1.0) -> Iterator[DraftTerm]:
     """Functions of an axis' own motion, its past and the time."""
-    one, over_a_way = partial(_one, axis.place), partial(_one, axis.place, friction=True, size=radian)
+    one, by_travel = partial(_one, axis.place), partial(_one, axis.place, friction=True, size=radian)
     a, v, w, z, what, s = axis.angle, axis.speed, axis.acceleration, axis.way, axis.what, axis.symbol
     travel = axis.travel_deg
     speed, angle, acceleration = f"{what} speed", f"{what} angle", f"{what} acceleration"
     way = f"direction of the {what}'s travel"
 
     yield one("speed", v, speed, rf"\dot{s}", SPEED, (speed,), speed)
-    yield over_a_way("direction", z, way, rf"z({s})", PURE, ("direction",), speed, number=travel)
+    yield by_travel("direction", z, way, rf"z({s})", PURE, ("direction",), speed, number=travel)
     yield one("angle", a, angle, s, RAD, (angle,), angle)
     yield one("acceleration", w, acceleration, rf"\ddot{s}",
               {"rad": 1, "s": -2}, (acceleration,), acceleration)
@@ -157,12 +157,12 @@ def _of_an_axis(axis: _Axis, second: float, radian: float = 1.0) -> Iterator[Dra
                   f"{way}, while slower than § rad/s", rf"z({s})\,e^{{-(\dot{s}/{slow:g})^2}}",
                   PURE, ("direction", speed), speed, friction=True, number=slow, size=radian / second)
     for over in DRAFT_TRAVELS_DEG:
-        yield over_a_way(f"way_{_plain(over)}", z, f"way of the {what} since reversal, over §°",
+        yield by_travel(f"way_{_plain(over)}", z, f"way of the {what} since reversal, over §°",
                          rf"z({s};\delta)", PURE, ("way since reversal",), speed, number=over)
-    yield over_a_way("dahl", f"dahl_states({a}, [np.radians(§)])[0]",
+    yield by_travel("dahl", f"dahl_states({a}, [np.radians(§)])[0]",
                      f"friction of the {what} that builds up over §° (Dahl)", rf"d({s};\delta)",
                      PURE, ("way since reversal",), speed, number=DRAFT_TRAVELS_DEG[1])
-    yield over_a_way("one_way", f"np.maximum({z}, 0.0)", f"{way}, forward only", rf"\max(z({s}),0)",
+    yield by_travel("one_way", f"np.maximum({z}, 0.0)", f"{way}, forward only", rf"\max(z({s}),0)",
                      PURE, ("direction",), speed, number=travel)
     yield one("speed_one_way", f"np.maximum({v}, 0.0)", f"{speed}, forward only", rf"\max(\dot{s},0)",
               SPEED, (speed, "direction"), speed)
@@ -170,7 +170,7 @@ def _of_an_axis(axis: _Axis, second: float, radian: float = 1.0) -> Iterator[Dra
     yield one("angle_cubed", f"{a} ** 3", f"cube of {angle}", f"{s}^3", {"rad": 3}, (angle,), angle)
     yield one("angle_speed", f"{a} * {v}", f"{angle} times speed", rf"{s}\dot{s}",
               {"rad": 2, "s": -1}, (angle, speed), angle)
-    yield over_a_way("angle_way", f"{a} * {z}", f"{angle} times direction", rf"{s}\,z({s})",
+    yield by_travel("angle_way", f"{a} * {z}", f"{angle} times direction", rf"{s}\,z({s})",
                      RAD, (angle, "direction"), angle, number=travel)
     for past in DRAFT_MEMORIES_S:
         yield one(f"past_{_plain(past)}", f"{a} - first_order_lags({a}, [§], motion.sample_rate_hz)[0]",
@@ -207,7 +207,7 @@ def _of_a_sensor(joint: str, number: int, second: float) -> Iterator[DraftTerm]:
     one = partial(_one, f"sensor_{joint}")
     a, s = f"q.{joint}", rf"\theta_{number}"
     for times in (2, 4, 8):
-        waves = _waves(str(times), a, str(times), "joint angle", s)
+        waves = _waves(str(times), a, "joint angle", s)
         yield DraftTerm(f"sensor_{joint}", f"wave_{times}", waves, ("joint angle",), "joint angle")
     yield one("way", state_of(a), "way of the joint since reversal, over §°", rf"z({s};\delta)",
               PURE, ("way since reversal",), "joint speed", number=DRAFT_TRAVELS_DEG[0])
@@ -246,8 +246,9 @@ def _of_a_load(
                    doubled, (name,), name)
 
 
-def _waves(times: str, angle: str, told: str, of: str, symbol: str) -> tuple[TermPart, ...]:
-    """Sine and cosine of a multiple of an angle, a wave of any phase; ``told`` is the multiple in SI."""
+def _waves(times: str, angle: str, of: str, symbol: str, in_si: str = "") -> tuple[TermPart, ...]:
+    """Sine and cosine of a multiple of an angle, a wave of any phase; ``in_si``: the multiple as told."""
+    told = in_si or times
     return tuple(
         TermPart(f"np.{wave}({times} * {angle})", f"{title} of {told} times {of}",
              rf"\{wave} {told}{symbol}", PURE)
@@ -258,7 +259,7 @@ def _waves(times: str, angle: str, told: str, of: str, symbol: str) -> tuple[Ter
 def _ripple(place: str, orders: Sequence[float], radian: float = 1.0) -> Iterator[DraftTerm]:
     """Waves over the motor's turn, of any phase."""
     for order in orders:
-        waves = _waves(f"{order:g}", "motion.position", f"{order / radian:g}", "motor angle", r"\theta_m")
+        waves = _waves(f"{order:g}", "motion.position", "motor angle", r"\theta_m", f"{order / radian:g}")
         yield DraftTerm(place, f"ripple_{_plain(order)}", waves, ("motor phase",), "motor angle")
 
 
@@ -312,7 +313,7 @@ def _of_the_cable(second: float, newton: float, contact: bool) -> Iterator[Draft
         yield one(f"{joint}_speed", f"{a}_velocity", f"{name} speed", rf"\dot{s}",
                   SPEED, ("joint speed",), "joint speed")
         for times in (2, 4):
-            waves = _waves(str(times), a, str(times), f"{name} angle", s)
+            waves = _waves(str(times), a, f"{name} angle", s)
             yield DraftTerm("cable", f"{joint}_wave_{times}", waves, angle, *angle)
     yield one("product", "q.mcp * q.pip", "product of both angles", r"\theta_1\theta_2",
               {"rad": 2}, ("joint angle", "other joint"), "joint angle")

@@ -210,11 +210,7 @@ def build(
 ) -> Model:
     """The model with the nominal equations, all nuisances (one law of the tip), and the chosen effects."""
     absent = {name for law, names in TIP_LAWS.items() if law != tip_law for name in names}
-    if layout.torque_lag:
-        known = layout.nuisances
-        layout = replace(layout, nuisances={**known, TORQUE_LAG: known[layout.torque_lag]})
-    else:
-        absent |= {TORQUE_LAG}
+    absent |= set() if layout.late_torque else {TORQUE_LAG}
     special = {c.effect.special for c in choices}
     relaxed = {name: gain for c in choices for name, gain in c.effect.relaxes.items()}
     delayed = "delay" in special

@@ -19,10 +19,10 @@ from fingerlab.diagnosis.settings import (
     ARM_RATIO_CURVATURE,
     ARM_RATIO_SPREADS,
     CURRENT_ZERO_A,
+    EARLY_SAMPLES,
     EXACT,
     MOST_CHANGES,
     ROTOR_SPREAD,
-    SKEW_SAMPLES,
     SLIP_STIFFNESSES,
     USUAL_LAG_S,
     USUAL_LAG_SAMPLES,
@@ -55,10 +55,8 @@ TORQUE_ZERO = "torque_zero"
 
 TORQUE_LAG = "bench_lag"
 """By how much the torque of a motor alone is logged later than its position, s: a filter of its current, or
-two clocks. Beside a finger both are channels of one card."""
-TORQUE_SKEW = "bench_skew"
-"""Its range where the torque comes early: a drive holds it from one reading of its position to the next, so
-that it is logged half a sample before."""
+two clocks; below zero of a drive that holds its torque until the next reading of its position. Beside a
+finger both are channels of one card."""
 BENCH_RANGES = {
     "bench_inertia": Parameter("kg m^2", 0.0, 1e4, 1e-3, open=True),
     "bench_gain": Parameter("1", -100.0, 100.0, 1.0, open=True),
@@ -83,10 +81,9 @@ def nuisance_ranges(rig: Rig, rate: float = math.inf) -> dict[str, Parameter]:
         rate: samples a second, of the run that has fewest.
     """
     lag = max(USUAL_LAG_S, USUAL_LAG_SAMPLES / rate)
-    bench = BENCH_RANGES | {TORQUE_LAG: Parameter("s", 0.0, 10.0 * lag, lag)}
+    bench = BENCH_RANGES | {TORQUE_LAG: Parameter("s", -EARLY_SAMPLES / rate, 10.0 * lag, lag)}
     if rig.finger is None:
-        skew = SKEW_SAMPLES / rate
-        return bench | {TORQUE_SKEW: Parameter("s", -skew, skew, 0.5 * skew)}
+        return bench
     zero = rig.motor.torque_constant * rig.motor.gear_ratio * CURRENT_ZERO_A
     ranges = bench | {
         TORQUE_ZERO: Parameter("N m", -2.5 * zero, 2.5 * zero, zero, source="assumed: the current's zero"),

@@ -66,7 +66,7 @@ class Reduction:
     Attributes:
         constants: that every run has of its own, for what is asked now; None: none.
         settled: whether they were looked for under the bare model.
-        torque_lag: the range in which the torque of a motor alone was found to be logged late; "": none.
+        late_torque: whether the torque of a motor alone was found to be logged later than its position.
         held: values that somebody holds unknowns of every model at, by key, SI.
         repairs: samples that were put right, by number of the run, how and channel; samples: that it has.
     """
@@ -89,7 +89,7 @@ class Reduction:
         self.constants: RunConstants | None = None
         self._settled_constants: RunConstants | None = None
         self.settled = False
-        self.torque_lag = ""
+        self.late_torque = False
         self.held: Mapping[str, float] = {}
         self.repairs: dict[int, Mapping[Repair, int]] = {}
         self.samples: dict[int, float] = {}
@@ -245,7 +245,7 @@ class Reduction:
         known = self._closer[key]
         # Missing noise is filled in by whoever asks.
         groups = [replace(g) for g in known.groups]
-        layout = replace(known.layout, torque_lag=self.torque_lag)
+        layout = replace(known.layout, late_torque=self.late_torque)
         return replace(known, layout=layout, groups=groups, constants=self.constants, held=self.held)
 
     def shown(self, effects: Sequence[Effect], keep: Keep) -> None:
@@ -270,7 +270,7 @@ class Reduction:
             tuple((*_key(e), e.widened) for e in effects),
             None if self.constants is None else self.constants.key,
             tuple(sorted(self.held.items())),
-            self.torque_lag,
+            self.late_torque,
             tuple(shapes),
         )
         if key not in self._remembered:
@@ -302,7 +302,7 @@ class Reduction:
             motion = known.motion if known is not None else next(segments_of(run, session.rig))
             beside = len(set(kinds)) == 2
             found = layout_of(motion.head(), session, effects, beside_finger=beside)
-            layouts[on_bench] = replace(found, scales=self.scales, torque_lag=self.torque_lag)
+            layouts[on_bench] = replace(found, scales=self.scales, late_torque=self.late_torque)
         return layouts
 
     def _reduced(

@@ -75,10 +75,10 @@ class Scorer:
         other.__dict__.pop("bare", None)
         return other
 
-    def with_torque_lag(self, within: str) -> Scorer:
-        """The same for a motor alone whose torque may be logged beside its position, by a range's name."""
+    def with_late_torque(self) -> Scorer:
+        """The same for a motor alone whose torque may be logged later than its position."""
         other = self.fresh()
-        other.reduced = replace(self.reduced, layout=replace(self.reduced.layout, torque_lag=within))
+        other.reduced = replace(self.reduced, layout=replace(self.reduced.layout, late_torque=True))
         other._models = {}
         other.__dict__.pop("bare", None)
         return other

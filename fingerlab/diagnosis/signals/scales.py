@@ -44,8 +44,8 @@ from fingerlab.rig.file import CONSTANT_UNITS, UNITS, Finger, Intervention, Moto
 from fingerlab.sessions.model import CHANNEL_UNITS, Array, ChannelReader, Run, Session
 from fingerlab.sessions.trajectory import commanded_frequency
 
-Powers = tuple[int, int, int, int]
-_POWERS: dict[str, Powers] = {
+UnitPowers = tuple[int, int, int, int]
+_POWERS: dict[str, UnitPowers] = {
     "N": (1, -1, 0, 0), "m": (0, 1, 0, 0), "s": (0, 0, 1, 0), "kg": (1, -2, 2, -1), "Hz": (0, 0, -1, 0),
     "rad": (0, 0, 0, 1), "deg": (0, 0, 0, 1), "turn": (0, 0, 0, 1),
 }  # fmt: skip
@@ -56,7 +56,7 @@ _SI = {spelling: si for si, table in FACTORS.items() for spelling in table}
 
 
 @cache
-def powers_of(unit: str) -> Powers:
+def powers_of(unit: str) -> UnitPowers:
     """Powers of torque, length, time and angle in a unit (``N m s/rad``); a word that is none has none."""
     total = [0, 0, 0, 0]
     for k, part in enumerate(unit.split("/")):
@@ -115,18 +115,18 @@ def find_scales(sessions: Sequence[Session]) -> Scales:
     spreads = [float(torque.std()) for run in bench if len(torque := _moving(run, "motor_torque"))]
     if not spreads:
         return SI
-    turns = not any(isinstance(session.rig.extra.get("axis"), Mapping) for session in sessions)
+    revolute = not any(isinstance(session.rig.extra.get("axis"), Mapping) for session in sessions)
     size = _relative(float(np.median(spreads)), USUAL_TORQUE_SPREAD)
-    return Scales(size, 1.0, _time_of(bench, turns), _angle_of(bench, turns))
+    return Scales(size, 1.0, _time_of(bench, revolute), _angle_of(bench, revolute))
 
 
-def _angle_of(runs: Sequence[Run], turns: bool) -> float:
+def _angle_of(runs: Sequence[Run], revolute: bool) -> float:
     """The unit of angle in which the run that goes furthest moves by degrees; 1 where it does so anyway.
 
     By octaves, so that recordings of one machine agree.
     """
     travels = [float(position.std()) for run in runs if len(position := _moving(run, "motor_position"))]
-    travel, least = max(travels, default=0.0), LEAST_TURN if turns else USUAL_TRAVEL
+    travel, least = max(travels, default=0.0), LEAST_TURN if revolute else USUAL_TRAVEL
     return 1.0 if not travel > STILL_RAD else 2.0 ** min(math.floor(math.log2(travel / least)), 0)
 
 
