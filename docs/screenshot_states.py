@@ -271,11 +271,11 @@ def tell_diagnosis(name: str, tab: ModelLabTab) -> None:
 
 def tell_truth(name: str, tab: ModelLabTab) -> None:
     """What "True?" says of the runs in contact: nominal error and the present one."""
-    table = tab.view.truth.runs
+    table = tab.view.validation.runs
     rows = [[table.item(row, column).text() for column in range(3)] for row in range(table.rowCount())]
     _, nominal, now = next(row for row in rows if "in contact" in row[0])
     FACTS[f"{name}.contact_nominal"], FACTS[f"{name}.contact_now"] = nominal, now
-    found = re.search(r"endpoint force on them goes from (.+?) \(", tab.view.truth.held_out.text())
+    found = re.search(r"endpoint force on them goes from (.+?) \(", tab.view.validation.held_out.text())
     assert found is not None
     FACTS[f"{name}.force"] = found[1]
 

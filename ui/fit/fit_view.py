@@ -338,7 +338,7 @@ class FitResultView(QWidget):
         self.delays.show_bars(names, delays)
         used = "used in the fit" if found.fit.spec.delay in ("xcorr", "findsignal") else "not used in the fit"
         how = "colours as at the left" if "whole" not in delays else "by cross-correlation"
-        self.delay_words.setText(f"{title}: {how}; {used}")
+        self.delay_words.setText(f"{title}, delay: {how}; {used}")
 
     def _legend(self, regions: tuple[str, ...]) -> str:
         colours = colours_of(self)

@@ -45,6 +45,7 @@ COLUMNS = (
     ("Error without it", "Root mean square of the error if this part alone is mended."),
     ("What mends it", "On the bench."),
 )
+ORDERS = 2
 
 
 class BudgetPlot(QuietPlot):
@@ -174,6 +175,7 @@ class BudgetDialog(QDialog):
         lines = self.plot.lines
         rows = [(one.title, self.plot.share(one), one.orders, one.after, one.how) for one in lines]
         self.table.show_rows(rows, stretched=len(COLUMNS) - 1)
+        self.table.setColumnHidden(ORDERS, not any(one.orders for one in lines))  # of one effect: none
         header = self.table.horizontalHeaderItem(len(COLUMNS) - 1)
         if header is not None:
             header.setTextAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)

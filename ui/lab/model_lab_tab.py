@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from PySide6.QtCore import Qt, QTimer, SignalInstance
-from PySide6.QtWidgets import QFileDialog, QStackedWidget
+from PySide6.QtWidgets import QFileDialog
 
 from fingerlab.core.errors import UserError
 from fingerlab.diagnosis.answer.results import EQUATION_TITLES
@@ -16,6 +16,7 @@ from fingerlab.diagnosis.answer.results import EQUATION_TITLES
 from ..app.context import ApplicationContext
 from ..app.tab_registry import SEPARATOR, Command, Tab
 from ..app.worker import IsCancelled, Progress
+from ..widgets.layout import OnePage
 from . import practice, validation
 from .controller import DiagnoseCall, LabController
 from .lab_frame import STEPS, LabHeader, LabStartPage, WaitingPage
@@ -43,7 +44,7 @@ class ModelLabTab(Tab):
         self.empty = LabStartPage()
         self.waiting = WaitingPage()
         self._view: LabView | None = None
-        self.pages = QStackedWidget()
+        self.pages = OnePage()
         for page in (self.empty, self.waiting):
             self.pages.addWidget(page)
         self.widget = self.pages

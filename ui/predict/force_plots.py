@@ -142,7 +142,11 @@ class ForcePlot(ShownPlot):
         apart = f"B − A: {fixed(times[1] - times[0], 3)} s"
         said = [f"measured {_less(first.time, first.measured, times)}"]
         said += [f"{name} {_less(one.time, one.modelled, times)}" for name, (_, one) in self.shown.items()]
-        self.read.emit(tuple(f"{', '.join([apart, *said[:many]])} N" for many in range(len(said), 0, -1)))
+        wordings = [[apart, *said[:many]] for many in range(len(said), 0, -1)]
+        if len(said) > 2:  # the names are long; none of the models is left out before them
+            less = [_less(one.time, one.modelled, times) for _, one in self.shown.values()]
+            wordings.insert(1, [apart, said[0], f"models in the order of the list {less[0]}", *less[1:]])
+        self.read.emit(tuple(f"{', '.join(wording)} N" for wording in wordings))
 
     def redraw(self) -> None:
         plot, colours = self.getPlotItem(), colours_of(self)

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from PySide6.QtCore import Qt, Signal
-from PySide6.QtGui import QKeyEvent
+from PySide6.QtCore import Qt, QTimer, Signal
+from PySide6.QtGui import QKeyEvent, QResizeEvent
 from PySide6.QtWidgets import (
     QCheckBox,
     QComboBox,
@@ -88,8 +88,8 @@ LEVER_HELP = (
 )
 CONSTANT_HELP = "What an ampere gives at the axis, N m/A, gear included; needed where no torque was logged."
 RATE_HELP = "Needed only where no column holds the time."
-LEGEND_SHARE = 0.5
-"""Of the curves' height, that stays free above them for their names."""
+LEGEND_ROOM = 6
+"""Between the curves and their names above them, px."""
 COLOURS = ("measured", "modelled", "residual", "candidate", "alike", "muted")
 
 
@@ -256,6 +256,11 @@ class PreviewPlot(QuietPlot):
         self.shown, self._drawn = curves, (time, across, screen, chosen)
         self.redraw()
 
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        super().resizeEvent(event)
+        if getattr(self, "_drawn", None) is not None:
+            QTimer.singleShot(0, self, self.redraw)  # once the plot within knows its height
+
     def redraw(self) -> None:
         plot = self.getPlotItem()
         plot.clear()
@@ -275,9 +280,11 @@ class PreviewPlot(QuietPlot):
             curve.set_series(time, values * unit.factor)
         every = np.concatenate(list(self.shown.values())) * unit.factor
         low, high = span_of(every)
-        high += LEGEND_SHARE * (high - low)
-        plot.setRange(xRange=(float(time[0]), float(time[-1])), yRange=(low, high), padding=0.0)
+        room = plot.getViewBox().height()
         self._legend.setColumnCount(max(len(self.shown), 1))
+        needed = min(self._legend.boundingRect().height() + LEGEND_ROOM, 0.6 * room)
+        high += (high - low) * needed / max(room - needed, 1.0)
+        plot.setRange(xRange=(float(time[0]), float(time[-1])), yRange=(low, high), padding=0.0)
         self._legend.setBrush(tint(colours_of(self).surface, 0.85))
         self._legend.setLabelTextColor(self.palette().text().color())
         self.setAccessibleDescription(f"{chosen} in {unit.symbol}, {len(time)} samples")

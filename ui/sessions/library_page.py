@@ -26,7 +26,8 @@ from fingerlab.library.reviewing import Thumbnail
 
 from ..widgets.fields import set_usable
 from ..widgets.layout import FLUSH, described, hbox, vbox
-from ..widgets.tables import ColumnKeeper, ElidedLabel, copies, heading, remark
+from ..widgets.tables import ColumnKeeper, ElidedLabel, WholeLabel, copies, heading, remark
+from ..widgets.theme import small_font
 from .session_table import (
     LENGTH,
     MOTOR,
@@ -70,8 +71,8 @@ class DetailsPanel(QWidget):
         self.title = heading("No session chosen")
         self.title.setWordWrap(True)
         self.file = ElidedLabel()
-        self.about = remark()
-        self.about.setObjectName("aboutSession")
+        self.about = described(WholeLabel(), "aboutSession", font=small_font(), role="muted")
+        self.about.setTextFormat(Qt.TextFormat.PlainText)
         self.review = QPushButton("&Review runs")
         self.review.setObjectName("review")
         self.review.setProperty("primary", "true")
@@ -204,8 +205,10 @@ def about(facts: SessionFacts, verdict: Verdict | None) -> str:
 
 WIDTHS = {MOTOR: 12, RECORDED: 12, LENGTH: 12, PHASES: 13, RIG: 10, QUALITY: 11, VERDICT: 20, TAGS: 10}
 """Widths in characters; the name takes the rest, and gives the verdict a share of what it does not need."""
-NAME_NEEDS, VERDICT_MOST = 27, 44
-"""Characters: what a name gets first, and the most that a verdict gets."""
+NAME_NEEDS, NAME_LEAST, VERDICT_MOST = 27, 14, 44
+"""Characters: what a name gets first, what it gets in any case, and the most that a verdict gets."""
+BESIDE = (TAGS, RIG, QUALITY)
+"""Columns that go, one after the other, where a name has no room: what they say stands at the right, too."""
 
 
 AGAIN_HELP = "Look for new and changed files (F5)."
@@ -387,6 +390,7 @@ class LibraryPage(QWidget):
     # hand
 
     def _share_room(self) -> None:
+        self._leave_room_for_names()
         if self._columns is not None and self._columns.by_hand:
             return
         character = self.fontMetrics().averageCharWidth()
@@ -394,6 +398,16 @@ class LibraryPage(QWidget):
         room = self.table.viewport().width() - others - NAME_NEEDS * character
         least, most = ((count * character + 8) for count in (WIDTHS[VERDICT], VERDICT_MOST))
         self.table.setColumnWidth(VERDICT, min(max(room, least), most))
+
+    def _leave_room_for_names(self) -> None:
+        for column in BESIDE:
+            self.table.setColumnHidden(column, False)
+        least = NAME_LEAST * self.fontMetrics().averageCharWidth()
+        for column in BESIDE:
+            others = sum(self.table.columnWidth(other) for other in WIDTHS)
+            if self.table.viewport().width() - others >= least:
+                return
+            self.table.setColumnHidden(column, True)
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
         if watched is self.table.viewport() and event.type() == QEvent.Type.Resize:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from PySide6.QtCore import QEvent, QObject, QPoint, QSize
 from PySide6.QtGui import QFont, QResizeEvent, Qt
 from PySide6.QtWidgets import (
+    QApplication,
     QBoxLayout,
     QDialog,
     QDialogButtonBox,
@@ -20,6 +21,7 @@ from PySide6.QtWidgets import (
     QScrollArea,
     QSizePolicy,
     QSplitter,
+    QStackedWidget,
     QVBoxLayout,
     QWidget,
 )
@@ -256,6 +258,18 @@ class Pages(QWidget):
         """The page of this number, in the place of the one that was shown."""
         for one, page in enumerate(self._pages):
             page.setVisible(one == number)
+
+
+class OnePage(QStackedWidget):
+    """Pages of which one is shown, and which need no more room than that one."""
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.currentChanged.connect(lambda _: QApplication.postEvent(self, QEvent(QEvent.Type.LayoutRequest)))
+
+    def minimumSizeHint(self) -> QSize:
+        shown = self.currentWidget()
+        return shown.minimumSizeHint() if shown is not None else QSize(0, 0)
 
 
 class Panes(QSplitter):

@@ -419,7 +419,8 @@ class ColumnKeeper(QObject):
         if len(widths) == header.count():
             self.by_hand = True
             for column, width in enumerate(widths):
-                if header.sectionResizeMode(column) == QHeaderView.ResizeMode.Interactive:
+                # A column that was out of sight for want of room has a width of nothing.
+                if width and header.sectionResizeMode(column) == QHeaderView.ResizeMode.Interactive:
                     header.resizeSection(column, max(width, header.minimumSectionSize()))
         column, descending = self._settings.sorting(self._name)
         if 0 <= column < header.count():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -23,6 +24,7 @@ from fingerlab.ui.app.tab_registry import TabEntry
 from fingerlab.ui.app.window import MainWindow
 from fingerlab.ui.predict.predict_tab import PredictTab
 from fingerlab.ui.predict.wanted_force import WantedPanel, outcome_words
+from fingerlab.ui.widgets.tables import ElidedLabel
 
 from ..hands import PATIENCE, child, click, drop
 from ..looking import look
@@ -180,6 +182,13 @@ def test_two_cursors_read_the_force_between_them(predicted: MainWindow) -> None:
     times = np.interp([a, b], few.time, few.modelled)
     said = float(read.text().split(f"{name} ")[1].split(",")[0].removesuffix(" N").replace("−", "-"))
     assert said == pytest.approx(times[1] - times[0], abs=6e-4)
+    window_width = predicted.width()
+    predicted.resize(1000, 600)  # the names of the models have no room beside their numbers
+    assert isinstance(read, ElidedLabel)
+    values = re.findall(r" ([+−]\d\.\d{3})\b", read.text().partition("measured")[2])[1:]
+    assert len(values) == 2
+    assert read.fitting.endswith(f"models in the order of the list {', '.join(values)} N")
+    predicted.resize(window_width, 760)
     QTest.keyClick(plot, Qt.Key.Key_C)
     assert not read.isVisible()
 

@@ -186,6 +186,16 @@ def test_a_wide_window_gives_the_verdict_room(browsing: Opened, qtbot: QtBot) ->
     qtbot.waitUntil(lambda: tab.page.table.columnWidth(VERDICT) == narrow)
 
 
+def test_a_narrow_window_leaves_a_name_its_room(browsing: Opened, qtbot: QtBot) -> None:
+    window, tab = browsing
+    table = tab.page.table
+    for width, hidden in ((1280, False), (960, True), (1280, False)):
+        window.resize(width, 560)
+        qtbot.waitUntil(lambda hidden=hidden: table.isColumnHidden(TAGS) is hidden)  # type: ignore[misc]
+        assert table.columnWidth(NAME) >= 14 * tab.page.fontMetrics().averageCharWidth()
+        assert not table.horizontalScrollBar().isVisible()
+
+
 def test_no_verdict_is_cut_where_its_column_is_narrow() -> None:
     """Of every effect of the catalogue, with the letters that the table has at 1280 px: 27 fit a line."""
     titles = [effect_title(name) for name in CATALOGUE]
