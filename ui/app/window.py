@@ -38,7 +38,7 @@ from fingerlab.core.files import seen_as
 from fingerlab.report.documents import FIRST, GLOSSARY
 
 from ..widgets.fields import Complaint
-from ..widgets.layout import FLUSH, Room, as_written, described, hbox, vbox
+from ..widgets.layout import FLUSH, Room, as_written, described, hbox, resize_on_screen, vbox
 from ..widgets.theme import apply_appearance
 from . import tab_registry
 from .bars import FrameHeader, MessageBar, StatusBar
@@ -117,7 +117,7 @@ def show_log(lines: Sequence[str], parent: QWidget, logged: SignalInstance) -> Q
 def _show(title: str, text: QWidget, parent: QWidget) -> QDialog:
     dialog = QDialog(parent)
     dialog.setWindowTitle(f"{title} – FingerLab")
-    dialog.resize(520, 560)
+    resize_on_screen(dialog, 520, 560)
     buttons = QDialogButtonBox(QDialogButtonBox.StandardButton.Close)
     buttons.rejected.connect(dialog.close)
     vbox(dialog, text, buttons, spacing=8)

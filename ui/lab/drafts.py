@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QDialog, QDialogButtonBox, QLabel, QListWidget, QPushButton, QWidget
 
-from ..widgets.layout import described, hbox, vbox
+from ..widgets.layout import described, hbox, resize_on_screen, vbox
 from ..widgets.tables import remark
 from .evidence import FingerprintPlot
 
@@ -34,7 +34,7 @@ class DraftDialog(QDialog):
         super().__init__(parent)
         self.setObjectName("draftedLaws")
         self.setWindowTitle("Drafted laws – FingerLab")
-        self.resize(WIDTH, HEIGHT)
+        resize_on_screen(self, WIDTH, HEIGHT)
         self._laws: tuple[DraftLaw, ...] = ()
         self.list = described(QListWidget(), "draftList", accessible="Drafted laws, best first")
         self.list.currentRowChanged.connect(self._show)
@@ -73,7 +73,8 @@ class DraftDialog(QDialog):
         self.list.setCurrentRow(0)
         rows = sum(self.list.sizeHintForRow(row) for row in range(self.list.count()))
         self.list.setFixedHeight(rows + 2 * self.list.frameWidth() + ROOM)
-        self.resize(WIDTH, HEIGHT if self._laws else 0)  # a sentence alone needs no more than its lines
+        # A sentence alone needs no more than its lines.
+        resize_on_screen(self, WIDTH, HEIGHT if self._laws else 0)
 
     @property
     def chosen(self) -> DraftLaw | None:

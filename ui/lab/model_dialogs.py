@@ -132,7 +132,7 @@ class ScorePartsDialog(QDialog):
         super().__init__(parent)
         self.setObjectName("scoreParts")
         self.setWindowTitle("What the error is made of – FingerLab")
-        self.resize(SCORE_WIDTH, SCORE_HEIGHT)
+        resize_on_screen(self, SCORE_WIDTH, SCORE_HEIGHT)
         self.title = heading()
         self.words = described(WholeLabel(), "scorePartsWords", font=small_font())
         self.table = NumberTable("scoreTable", "Parts of the squared error", ())
@@ -144,12 +144,12 @@ class ScorePartsDialog(QDialog):
         self._scores: ScoreTable | None = None
         close = QDialogButtonBox(QDialogButtonBox.StandardButton.Close)
         close.rejected.connect(self.reject)
-        hint = remark(
+        self.hint = remark(
             "Click a number to see its curves. Equations whose noise goes together are weighed together: "
             "what they miss alike counts once, in that which tells it more sharply, so that little can stand "
             "for curves that lie far apart. Ctrl+C copies the table, or what is chosen of it."
         )
-        vbox(self, self.title, self.words, (self.table, 1), hint, close, spacing=8)
+        vbox(self, self.title, self.words, (self.table, 1), self.hint, close, spacing=8)
 
     def show_diagnosis(self, diagnosis: Diagnosis) -> None:
         """The parts of another model's error."""
@@ -157,7 +157,9 @@ class ScorePartsDialog(QDialog):
         self.title.setText(f"The error is {score_text(diagnosis.score)} times the floor")
         if scores is None:
             self.words.setText("It is not known of what: no run could be left out of the fit.")
-            self.table.setVisible(False)
+            for part in (self.table, self.hint):
+                part.setVisible(False)
+            resize_on_screen(self, SCORE_WIDTH, 0)  # a sentence alone needs no more than its lines
             return
         self.words.setText(
             f"Its square, {scores.squared}, is the sum of {scores.floor} for the floor and of what each "
@@ -165,7 +167,10 @@ class ScorePartsDialog(QDialog):
             f"{scores.together} together. {aside_sentence(diagnosis)}"
         )
         self._fill(scores)
-        self.table.setVisible(True)
+        if self.table.isHidden():
+            resize_on_screen(self, SCORE_WIDTH, SCORE_HEIGHT)
+        for part in (self.table, self.hint):
+            part.setVisible(True)
 
     def _fill(self, scores: ScoreTable) -> None:
         columns = [

@@ -26,7 +26,7 @@ from PySide6.QtWidgets import (
 from fingerlab.core.errors import UserError
 
 from ..app.window import ask_to_run
-from ..widgets.layout import Spacer, described, hbox, vbox
+from ..widgets.layout import Spacer, described, hbox, resize_on_screen, vbox
 from ..widgets.tables import remark
 
 if TYPE_CHECKING:
@@ -98,7 +98,7 @@ class OwnEffects(QDialog):
         layout.addLayout(beside)
         layout.addWidget(self.problem)
         layout.addWidget(close)
-        self.resize(WIDTH, HEIGHT)
+        resize_on_screen(self, WIDTH, HEIGHT)
 
     # what is shown
 
@@ -246,7 +246,7 @@ class EffectEditor(QDialog):
         buttons.accepted.connect(self._save)
         buttons.rejected.connect(self.reject)
         vbox(self, remark(EDITING), (self.text, 1), self.problem, buttons, spacing=8)
-        self.resize(EDITOR_WIDTH, EDITOR_HEIGHT)
+        resize_on_screen(self, EDITOR_WIDTH, EDITOR_HEIGHT)
 
     def _save(self) -> None:
         from fingerlab.effects import own
