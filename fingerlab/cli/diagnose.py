@@ -308,7 +308,7 @@ def _ranking(result: Diagnosis) -> Table:
     from fingerlab.report.page_tables import short_ranking
 
     table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
-    table.add_column("", no_wrap=True, justify="right")
+    table.add_column("probability", no_wrap=True, justify="right")
     table.add_column("error", no_wrap=True, justify="right")
     table.add_column("", no_wrap=True)
     table.add_column("effect or outcome")

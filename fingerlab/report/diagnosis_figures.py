@@ -21,12 +21,13 @@ from fingerlab.diagnosis.answer.results import (
     Fingerprint,
     PathStep,
 )
-from fingerlab.diagnosis.answer.where import COORDINATES, Profile, profile
+from fingerlab.diagnosis.answer.where import Profile, profile
 from fingerlab.report.budget_words import budget_lines, main_family
 from fingerlab.report.diagnosis_words import (
     FAMILY_TITLES,
     axis_title,
     coordinate_unit,
+    coordinates_of,
     effect_title,
     in_sentence,
     residual_unit,
@@ -304,7 +305,7 @@ WORDS_SIZE, WORDS_WIDE = 7.5, 44
 
 def where_figure(comparisons: Sequence[Comparison], equation: str) -> Figure | None:
     """One picture for each coordinate that the runs tell; None where they tell none."""
-    made = [profile(comparisons, equation, name) for name in COORDINATES]
+    made = [profile(comparisons, equation, name) for name in coordinates_of(comparisons, equation)]
     found = [one for one in made if one is not None]
     if not found:
         return None

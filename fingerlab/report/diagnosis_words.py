@@ -18,8 +18,8 @@ from fingerlab.core.text import (
     significant,
 )
 from fingerlab.core.text import in_sentence as in_sentence
-from fingerlab.diagnosis.answer.results import Candidate, Diagnosis, Failure, OtherModel
-from fingerlab.diagnosis.answer.where import JOINTS, Profile
+from fingerlab.diagnosis.answer.results import Candidate, Comparison, Diagnosis, Failure, OtherModel
+from fingerlab.diagnosis.answer.where import COORDINATES, JOINTS, Profile
 from fingerlab.effects import find_effect
 from fingerlab.report.parameter_words import held_words
 from fingerlab.rig.file import read_intervention
@@ -363,8 +363,8 @@ def calibration_sentence(diagnosis: Diagnosis) -> str:
     if not said.unusual:
         return f"{text} This session is like those: {percent(said.typicality)} of them are less usual."
     return (
-        f"{text} This session is unlike nearly all of those ({listed(said.unusual)}), so its odds were drawn "
-        "together and promise less."
+        f"{text} This session is unlike nearly all of those ({listed(said.unusual)}), so its probabilities "
+        "were drawn towards one another and claim less."
     )
 
 
@@ -516,6 +516,12 @@ def axis_title(found: Profile) -> str:
     title = found.coordinate.title
     joint = JOINTS.get(found.equation, "pip").upper()
     return f"{joint} {title[:1].lower()}{title[1:]}" if "{}" in "".join(found.coordinate.sources) else title
+
+
+def coordinates_of(comparisons: Sequence[Comparison], equation: str) -> tuple[str, ...]:
+    """Ids of the coordinates over which a residual is drawn: a motor alone has no cable with a tension."""
+    phases = {one.phase for one in comparisons if one.equation == equation}
+    return tuple(name for name in COORDINATES if name != "tension" or phases != {"motor_bench"})
 
 
 def coordinate_unit(found: Profile) -> ScreenUnit:

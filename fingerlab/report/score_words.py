@@ -156,14 +156,16 @@ def aside_text(reason: str, share: float) -> str:
 
 
 def score_sentence(diagnosis: Diagnosis) -> str:
-    """What the squared score is the sum of, largest first; empty where that is not known, or is nothing."""
+    """What the squared error is the sum of, largest first; empty where that is not known, or one part."""
     parts = sorted(diagnosis.score_parts, key=lambda part: -part.squared)
     named = [part for part in parts[:LARGEST_PARTS] if part.squared > WORTH_NAMING]
-    if not named:
+    if not named or len(parts) == 1:
         return ""
     rest = sum(part.squared for part in parts) - sum(part.squared for part in named)
-    said = ", ".join(f"{_part(part)} {score_text(part.squared)}" for part in named)
-    whole = f"The squared score is {score_text(diagnosis.score**2)}: 1 for the floor, {said}"
+    said = ", ".join(f"{score_text(part.squared)} for {_part(part)}" for part in named)
+    whole = (
+        f"The square of this error, {score_text(diagnosis.score**2)}, is the sum of 1 for the floor, {said}"
+    )
     return f"{whole}, and {score_text(rest)} for all other runs and equations."
 
 

@@ -250,7 +250,7 @@ COLUMN_HELP = (
     "",
     "Root mean square of the residual with the nominal model.",
     "Root mean square of the residual with the present model.",
-    FLOOR_HELP,
+    f"{FLOOR_HELP} It is of what the present model leaves over, so that another model has another one.",
     "",
     "Share of the variance that the present model explains on held-out runs.",
 )

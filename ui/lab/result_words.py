@@ -152,6 +152,10 @@ def best_choice(diagnosis: Diagnosis) -> str:
     return UNKNOWN if diagnosis.verdict == UNKNOWN else NOTHING
 
 
+AS_GOOD_AS_SAID = 0.5
+"""Probability below which a headline says that it names the likeliest alone."""
+
+
 def verdict_headline(diagnosis: Diagnosis) -> str:
     """The verdict in as few words as it can be said."""
     with_held = f" (with {len(diagnosis.held)} held)" if diagnosis.held else ""
@@ -170,9 +174,13 @@ def _verdict(diagnosis: Diagnosis) -> str:
         seen = " that these data could show" if not_shown(diagnosis) else ""
         return f"{'Nothing more' if diagnosis.model else 'Nothing'} is missing{seen}"
     if diagnosis.verdict == UNKNOWN:
-        return "What is missing is not in the catalogue"
+        sure = diagnosis.probability_unknown >= AS_GOOD_AS_SAID
+        chance = percent(diagnosis.probability_unknown).replace(" ", NO_BREAK)
+        return f"What is missing {'is not' if sure else 'may not be'} in the catalogue, {chance}"
     best = diagnosis.candidates[0]
-    return f"Missing: {in_sentence(best.title)}, {percent(best.probability).replace(' ', NO_BREAK)}"
+    sure = best.probability >= AS_GOOD_AS_SAID or len(indistinguishable(diagnosis)) < 2
+    chance = percent(best.probability).replace(" ", NO_BREAK)
+    return f"Missing{'' if sure else ', likeliest'}: {in_sentence(best.title)}, {chance}"
 
 
 def set_words(diagnosis: Diagnosis) -> str:

@@ -13,7 +13,6 @@ from PySide6.QtWidgets import QComboBox, QLabel, QStackedWidget, QWidget
 from fingerlab.core.text import ScreenUnit, largest_of, screen_unit
 from fingerlab.diagnosis.answer.results import Comparison
 from fingerlab.diagnosis.answer.where import (
-    COORDINATES,
     SHAPES,
     Profile,
     ResidualFigure,
@@ -25,6 +24,7 @@ from fingerlab.report.diagnosis_words import (
     axis_title,
     bin_words,
     coordinate_unit,
+    coordinates_of,
     in_sentence,
     miss_words,
     residual_unit,
@@ -303,7 +303,8 @@ class WherePanel(QWidget):
         if same or (equation == self._equation and _identical(given, self._comparisons)):
             return
         self._comparisons, self._equation = given, equation or ""
-        made = {name: profile(given, self._equation, name) for name in COORDINATES} if given else {}
+        told = coordinates_of(given, self._equation)
+        made = {name: profile(given, self._equation, name) for name in told} if given else {}
         self._profiles = {name: one for name, one in made.items() if one is not None}
         self.coordinate.clear()
         for name, one in self._profiles.items():
