@@ -336,7 +336,7 @@ class FitResultView(QWidget):
         places = [list(found.views).index(name) for name in names]
         delays = {r: tuple(v[i] for i in places) for r, v in found.delays_s[joint].items()}
         self.delays.show_bars(names, delays)
-        used = "used in the fit" if found.fit.spec.delay in ("xcorr", "findsignal") else "not used in the fit"
+        used = "used in the fit" if found.fit.spec.delay in ("xcorr", "findsignal") else "not in the fit"
         how = "colours as at the left" if "whole" not in delays else "by cross-correlation"
         self.delay_words.setText(f"{title}, delay: {how}; {used}")
 
