@@ -31,6 +31,7 @@ from fingerlab.diagnosis.answer.wording import (
     explanation,
     parameters,
     residual_offsets,
+    titles_in,
 )
 from fingerlab.diagnosis.equations.model import Choice, build
 from fingerlab.diagnosis.equations.parameters import TORQUE_LAG
@@ -360,6 +361,7 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
         better=None if found.better is None else _other_model(question.given, found.better),
         as_good=tuple(_other_model(question.given, one) for one in _as_good(found)),
         budget=error_budget(evidence.base, errors, steps, path, by_last),
+        titles={**titles_in(path[-1]), **titles_in(evidence.base)},
     )
 
 
@@ -409,7 +411,14 @@ def _cannot_be_ruled_out(
 def _path_steps(path: Sequence[FittedModel], better: ExchangedModel | None) -> tuple[PathStep, ...]:
     """The error path; a better model begins with an exchange."""
     removed = {1: better.removed} if better is not None else {}
-    return tuple(PathStep(_last(s) if k else None, s.score, removed.get(k)) for k, s in enumerate(path))
+    first, *others = path
+    return (
+        PathStep(None, first.score),
+        *(
+            PathStep(s.last_effect.id, s.score, removed.get(k), titles_in(s)[s.last_effect.id])
+            for k, s in enumerate(others, 1)
+        ),
+    )
 
 
 def _as_good(found: Found) -> list[ExchangedModel]:
@@ -459,10 +468,6 @@ def _next_run(
     return (propose if verdict == "missing_effect" else reveal)(sessions, scorer, evidence, chosen, usual)
 
 
-def _last(fitted: FittedModel) -> str | None:
-    return fitted.last_effect.id if fitted.choices else None
-
-
 def _candidates(
     evidence: Evidence,
     probability: Mapping[str, float],
@@ -500,7 +505,7 @@ def _candidates(
         result.append(
             Candidate(
                 effect=one.id,
-                title=one.title,
+                title=titles_in(fitted)[one.id],
                 score=fitted.score,
                 probability=posterior[i],
                 in_set=i in chosen,

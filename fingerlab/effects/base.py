@@ -191,6 +191,7 @@ class Effect:
         equation: the row in which that fingerprint is drawn.
         explanation: one sentence for a person, without numbers.
         of_an_axis: the same of a motor or an axis alone, at a point of ``shapes``; None: as ``explanation``.
+        title_of_an_axis: what it is called of one, at a point of ``shapes``; None: ``title``.
         reveal: the experiment that shows the effect where these data could not.
         mend: what on the bench makes it smaller, a sentence.
         shapes: grid of the nonlinear unknowns; each point is a mapping name -> value.
@@ -226,6 +227,7 @@ class Effect:
     reveal: str
     mend: str = ""
     of_an_axis: Callable[[Shape], str] | None = None
+    title_of_an_axis: Callable[[Shape], str] | None = None
     shapes: Sequence[Shape] = ({},)
     shape_units: Mapping[str, str] = field(default_factory=dict)
     shapes_seen: Callable[[Sequence[Motion]], Sequence[Shape]] | None = None

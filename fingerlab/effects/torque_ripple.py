@@ -11,11 +11,11 @@ from fingerlab.effects.transmission import RIPPLE_ORDERS, drive_terms, pull_term
 from fingerlab.physics.motion import LEAST_PERIODS, Motion, strongest_orders
 from fingerlab.physics.parameter import Limits, Parameter
 
-RIPPLE = Parameter("N m", -0.05, 0.05, 0.003, title="ripple amplitude")
+RIPPLE = Parameter("N m", -0.05, 0.05, 0.003, title="amplitude")
 
-DOUBLE = Parameter("N m", -0.02, 0.02, 0.001, title="ripple amplitude at twice the order")
+DOUBLE = Parameter("N m", -0.02, 0.02, 0.001, title="amplitude at twice the order")
 
-TRIPLE = Parameter("N m", -0.02, 0.02, 0.001, title="ripple amplitude at three times the order", cable="none")
+TRIPLE = Parameter("N m", -0.02, 0.02, 0.001, title="amplitude at three times the order", cable="none")
 """Of a motor alone: behind a finger's cable nobody would tell it from the joints' own friction."""
 
 
@@ -81,18 +81,33 @@ def _limits(shape: Shape) -> Limits | None:
     return (-MOST_WEIGHT, MOST_WEIGHT) if shape.get(WEIGHT) else None
 
 
+TITLE = "Torque ripple"
+
+
+def _title_of_an_axis(shape: Shape) -> str:
+    """What goes once a turn is told by its cause: nobody calls the weight of a link a ripple."""
+    if shape.get(WEIGHT):
+        return "Weight of a link out of balance"
+    return f"{TITLE} once a turn" if shape.get("order") == 1.0 else TITLE
+
+
 def _of_an_axis(shape: Shape) -> str:
     if shape.get(WEIGHT):
         return (
             "The motor's equation misses a torque that goes with the sine of its angle, once a turn: that of "
             "the weight of a link, or of whatever is out of balance."
         )
+    if shape.get("order") == 1.0:
+        return (
+            "The motor's equation misses a torque that repeats once a turn, as that of a weight out of "
+            "balance or of a part out of true."
+        )
     return "The motor's equation misses a torque, which repeats with the motor angle."
 
 
 EFFECT = Effect(
     id="torque_ripple",
-    title="Torque ripple",
+    title=TITLE,
     family="Motor and gearbox",
     acts_on=("motor_torque",),
     gains={
@@ -105,8 +120,10 @@ EFFECT = Effect(
     equation=Row.PIP,
     explanation="Both joints miss the same tension, which repeats with the motor angle.",
     of_an_axis=_of_an_axis,
+    title_of_an_axis=_title_of_an_axis,
     reveal="a slow sine of large amplitude on the motor bench",
-    mend="Use a motor with more commutator segments, or compensate its torque by its angle.",
+    mend="Use a motor with more commutator segments, balance what it carries, or compensate its torque by "
+    "its angle.",
     shapes=tuple({"order": float(n)} for n in RIPPLE_ORDERS),
     shape_units={"order": "1/turn"},
     shapes_seen=orders_seen,

@@ -103,7 +103,7 @@ def part_title(part: BudgetPart) -> str:
     if part.kind != "effect":
         return TITLES[part.kind]
     instead = f" for {in_sentence(effect_title(part.removed))}" if part.removed else ""
-    return f"{effect_title(part.effect)}{instead}"
+    return f"{part.title or effect_title(part.effect)}{instead}"
 
 
 def mend_words(part: BudgetPart, proposed: bool = False) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from math import exp
 from pathlib import Path
 
@@ -20,10 +20,14 @@ from fingerlab.core.text import (
 from fingerlab.core.text import in_sentence as in_sentence
 from fingerlab.diagnosis.answer.results import Candidate, Comparison, Diagnosis, Failure, OtherModel
 from fingerlab.diagnosis.answer.where import COORDINATES, JOINTS, Profile
+from fingerlab.diagnosis.settings import LACK_OF_FIT
 from fingerlab.effects import find_effect
 from fingerlab.report.parameter_words import held_words
 from fingerlab.rig.file import read_intervention
 from fingerlab.sessions.trajectory import trajectory_words
+
+Named = Callable[[Diagnosis, str], str]
+"""What gives an effect's title in a diagnosis."""
 
 FAMILY_TITLES = {
     "joint_torque": "Joint torque",
@@ -55,8 +59,11 @@ CLEARLY_BETTER = 3.0
 """Log odds (twenty to one) from which on one model is told from another without a further recording."""
 
 IMPROBABLE = 0.01
-"""Probability below which an effect that is not ruled out is named apart from those that are like each other;
-assumed."""
+"""Probability, as it is told, up to which an effect that is not ruled out is named apart from those that are
+like each other; assumed."""
+
+NO_CHANCE = 0.005
+"""Probability that is told as "< 1 %": no run is proposed for it."""
 
 MOST_PAIRED_NAMES = 3
 """So many effects are named beside a pair's difference, those that tell it best."""
@@ -76,13 +83,38 @@ def listed(words: Sequence[str]) -> str:
     return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else list(words))
 
 
-def _names(effects: Sequence[str]) -> str:
-    return listed([in_sentence(effect_title(effect)) for effect in effects])
+def called(diagnosis: Diagnosis, effect: str) -> str:
+    """An effect's title as it was found in these recordings: what goes once a turn is a weight, no ripple.
+
+    As a candidate first, then on the error path, then in the model as given.
+    """
+    found = [one.title for one in diagnosis.candidates if one.effect == effect]
+    found += [step.title for step in diagnosis.path if step.added == effect and step.title]
+    return next(iter(found), diagnosis.titles.get(effect) or effect_title(effect))
 
 
-def model_words(model: Sequence[str]) -> str:
-    """``the nominal model``, or with what was put into it."""
-    return "the nominal model" + (f" with {_names(model)}" if model else "")
+def on_the_path(diagnosis: Diagnosis, effect: str) -> str:
+    """The same of an effect that the error path adds, or that the model at its end holds."""
+    return diagnosis.titles.get(effect) or called(diagnosis, effect)
+
+
+def called_in_sentence(diagnosis: Diagnosis, effects: Sequence[str], of: Named = called) -> str:
+    """``Coulomb friction and cable stretch``, as effects were found.
+
+    Args:
+        of: what gives their titles, :func:`called` or :func:`on_the_path`.
+    """
+    return listed([in_sentence(of(diagnosis, effect)) for effect in effects])
+
+
+def model_words(model: Sequence[str], diagnosis: Diagnosis | None = None) -> str:
+    """``the nominal model``, or with what was put into it.
+
+    Args:
+        diagnosis: that found it; None: effects are called as in the catalogue.
+    """
+    titles = [effect_title(e) if diagnosis is None else on_the_path(diagnosis, e) for e in model]
+    return "the nominal model" + (f" with {listed([in_sentence(t) for t in titles])}" if model else "")
 
 
 def suspects(diagnosis: Diagnosis) -> tuple[str, ...]:
@@ -113,9 +145,10 @@ def hidden_sentence(diagnosis: Diagnosis) -> str:
     hidden = hidden_besides(diagnosis)
     if not hidden:
         return ""
+    names = called_in_sentence(diagnosis, hidden)
     if not_shown(diagnosis):
-        return f"Nor could they have shown, although one of these is less likely: {_names(hidden)}."
-    return f"These data could not show, at a plausible strength: {_names(hidden)}."
+        return f"Nor could they have shown, although one of these is less likely: {names}."
+    return f"These data could not show, at a plausible strength: {names}."
 
 
 def would_show(diagnosis: Diagnosis) -> tuple[str, ...]:
@@ -178,7 +211,7 @@ def held_sentence(diagnosis: Diagnosis) -> str:
 
 
 def _verdict_sentence(diagnosis: Diagnosis) -> str:
-    model, score = model_words(diagnosis.model), score_text(diagnosis.score)
+    model, score = model_words(diagnosis.model, diagnosis), score_text(diagnosis.score)
     error = f"its error on {judged_on(diagnosis)} is {score} times {_floor(diagnosis)}"
     if diagnosis.better is not None:
         judged = rival(diagnosis)
@@ -203,8 +236,8 @@ def _verdict_sentence(diagnosis: Diagnosis) -> str:
     if diagnosis.verdict == "not_in_catalogue" or not diagnosis.candidates:
         chance = percent(diagnosis.probability_unknown)
         return (
-            f"Something is missing from {model} that is not in the catalogue ({chance} probable): {error}, "
-            f"and none of the {len(diagnosis.candidates)} effects tried explains it."
+            f"Something is missing from {model} that is not in the catalogue ({chance} probable): {error}"
+            f"{_explained_in_part(diagnosis)}{unexplained_words(diagnosis)}."
         )
     best = shown_best_first(diagnosis)[0]
     several = len(indistinguishable(diagnosis)) > 1
@@ -214,19 +247,39 @@ def _verdict_sentence(diagnosis: Diagnosis) -> str:
     )
     fall += _as_well(diagnosis, best)
     if several:
-        together = percent(sum(c.probability for c in diagnosis.candidates if c.effect in diagnosis.set))
+        alike = indistinguishable(diagnosis)
+        together = percent(sum(c.probability for c in diagnosis.candidates if c.effect in alike))
         return (
             f"One of these is missing from {model} ({together} probable), and these data cannot tell which: "
-            f"{_names(diagnosis.set)}; {fall}."
+            f"{called_in_sentence(diagnosis, alike)}; {fall}."
         )
     title, chance = in_sentence(best.title), percent(best.probability)
     return f"{title[:1].upper()}{title[1:]} is missing from {model} ({chance} probable): {fall}."
 
 
+def _explained_in_part(diagnosis: Diagnosis) -> str:
+    """What the path explains of what is not in the catalogue; empty where it explains nothing."""
+    added = worth_adding(diagnosis)
+    if not added:
+        return ""
+    names, left = called_in_sentence(diagnosis, added, on_the_path), score_text(diagnosis.path[-1].score)
+    return f"; {names} {'explain' if len(added) > 1 else 'explains'} a part of it, down to {left}"
+
+
+def unexplained_words(diagnosis: Diagnosis) -> str:
+    """The end of a sentence: that no effect explains what is missing, or what those of the path leave."""
+    tried = f"none of the {len(diagnosis.candidates)} effects tried explains"
+    return f", and {tried} {'what is left' if worth_adding(diagnosis) else 'it'}"
+
+
 def indistinguishable(diagnosis: Diagnosis) -> tuple[str, ...]:
     """Of the effects that cannot be ruled out, the likeliest and those that are not improbable beside it."""
     sure = {one.effect: one.probability for one in diagnosis.candidates}
-    return tuple(name for k, name in enumerate(diagnosis.set) if k == 0 or sure.get(name, 1.0) >= IMPROBABLE)
+    return tuple(
+        name
+        for k, name in enumerate(diagnosis.set)
+        if k == 0 or round(100 * sure.get(name, 1.0)) > 100 * IMPROBABLE
+    )
 
 
 def improbable_rivals(diagnosis: Diagnosis) -> tuple[str, ...]:
@@ -269,9 +322,10 @@ def better_chance(diagnosis: Diagnosis) -> float:
     return 1.0 / (1.0 + exp(-diagnosis.better.log_odds)) if diagnosis.better is not None else 0.0
 
 
-def exchange_words(other: OtherModel) -> str:
+def exchange_words(other: OtherModel, diagnosis: Diagnosis) -> str:
     """``Stribeck friction in place of Coulomb friction``."""
-    return f"{_names(other.added)} in place of {_names(other.removed)}"
+    came, went = (called_in_sentence(diagnosis, names) for names in (other.added, other.removed))
+    return f"{came} in place of {went}"
 
 
 def better_sentence(diagnosis: Diagnosis) -> str:
@@ -280,7 +334,7 @@ def better_sentence(diagnosis: Diagnosis) -> str:
     if other is None:
         return ""
     before, after = score_text(diagnosis.score), score_text(other.score)
-    words = exchange_words(other)
+    words = exchange_words(other, diagnosis)
     said = (
         f"leaves about the same error, {after} times {_floor(diagnosis)}, and is the likelier law"
         if after == before or other.score > diagnosis.score
@@ -293,8 +347,8 @@ def as_good_sentence(diagnosis: Diagnosis) -> str:
     """Which other models these data cannot tell from the best one; empty where there are none."""
     if not diagnosis.as_good:
         return ""
-    said = [f"{exchange_words(one)} ({score_text(one.score)})" for one in diagnosis.as_good]
-    least = "the better model" if diagnosis.better is not None else model_words(diagnosis.model)
+    said = [f"{exchange_words(one, diagnosis)} ({score_text(one.score)})" for one in diagnosis.as_good]
+    least = "the better model" if diagnosis.better is not None else model_words(diagnosis.model, diagnosis)
     return f"These data cannot tell {least} from one with {' or '.join(said)}."
 
 
@@ -309,7 +363,8 @@ def _as_well(diagnosis: Diagnosis, best: Candidate) -> str:
     more = [effect for effect in worth_adding(diagnosis) if effect != best.effect]
     if not more:
         return ""
-    return f", and with {_names(more)} as well to {score_text(diagnosis.path[-1].score)}"
+    names = called_in_sentence(diagnosis, more, on_the_path)
+    return f", and with {names} as well to {score_text(diagnosis.path[-1].score)}"
 
 
 def set_sentence(diagnosis: Diagnosis) -> str:
@@ -317,27 +372,32 @@ def set_sentence(diagnosis: Diagnosis) -> str:
     if not_shown(diagnosis):
         hidden, weak = left_open(diagnosis)
         text = "Whether one of these is missing these data leave open."
-        text += f" They could not have shown, at a plausible strength: {_names(hidden)}." if hidden else ""
-        return f"{text} What they show of these is too weak to tell: {_names(weak)}." if weak else text
+        unseen, seen = (called_in_sentence(diagnosis, names) for names in (hidden, weak))
+        text += f" They could not have shown, at a plausible strength: {unseen}." if hidden else ""
+        return f"{text} What they show of these is too weak to tell: {seen}." if weak else text
     if diagnosis.set and diagnosis.verdict == "not_in_catalogue":
-        return f"Stronger than is thought possible, it could still be one of these: {_names(diagnosis.set)}."
+        names = called_in_sentence(diagnosis, diagnosis.set)
+        return f"Stronger than is thought possible, it could still be one of these: {names}."
     besides = _outcomes_left_open(diagnosis)
     alike, others = indistinguishable(diagnosis), improbable_rivals(diagnosis)
     if len(diagnosis.set) > 1:
-        text = f"These data cannot tell apart {_names(alike)}." if len(alike) > 1 else ""
+        same = called_in_sentence(diagnosis, alike)
+        text = f"These data cannot tell apart {same}." if len(alike) > 1 else ""
         if others:
-            each = "each below" if len(others) > 1 else "below"
+            each = "each at most" if len(others) > 1 else "at most"
             text += f"{' ' if text else ''}Improbable, {each} {percent(IMPROBABLE)}, but not ruled out: "
-            text += f"{_names(others)}."
+            text += f"{called_in_sentence(diagnosis, others)}."
         return (
             f"{text} The one that is truly missing is meant to be among these {len(diagnosis.set)} in 95 % "
             f"of such cases.{besides}"
         )
     if diagnosis.set:
-        first = effect_title(diagnosis.set[0])
+        first = called(diagnosis, diagnosis.set[0])
         return f"{first} is told apart from every other effect of the catalogue.{besides}"
     if diagnosis.verdict == "nothing_missing":
         return "No effect is called for, so there is nothing to tell apart."
+    if worth_adding(diagnosis):
+        return "What is left is of no effect of the catalogue, so there is nothing to tell apart."
     return "No effect of the catalogue is justified, so there is nothing to tell apart."
 
 
@@ -346,6 +406,8 @@ def _outcomes_left_open(diagnosis: Diagnosis) -> str:
     if diagnosis.calibration is None or diagnosis.verdict != "missing_effect":
         return ""
     said = {"nothing_missing": "nothing is missing", "not_in_catalogue": "it is not in the catalogue"}
+    if diagnosis.score**2 - 1.0 > LACK_OF_FIT:  # so much is left by no bench that lacks nothing
+        del said["nothing_missing"]
     still = [words for name, words in said.items() if name in diagnosis.calibration.cannot_be_ruled_out]
     return f" Nor can it be ruled out that {' or that '.join(still)}." if still else ""
 
@@ -380,7 +442,8 @@ def path_sentence(diagnosis: Diagnosis) -> str:
         return "No effect earns its place, so the path ends where it begins."
     last = diagnosis.path[-1].score
     steps = [
-        f"{in_sentence(effect_title(s.added))}{_instead(s.removed)} to {score_text(s.score)}"
+        f"{in_sentence(s.title or on_the_path(diagnosis, s.added))}{_instead(diagnosis, s.removed)} to "
+        f"{score_text(s.score)}"
         for s in diagnosis.path
         if s.added is not None
     ]
@@ -409,8 +472,9 @@ def how_to_add(diagnosis: Diagnosis) -> str:
         return text
     end, ours = score_text(diagnosis.path[-1].score), score_text(best.score)
     title = in_sentence(best.title)
-    path = f"{_names(added)}{' together' if len(added) > 1 else ''}"
-    why = f"The path begins with {_names(added[:1])}, although {title} is likelier as the one effect"
+    path = f"{called_in_sentence(diagnosis, added, on_the_path)}{' together' if len(added) > 1 else ''}"
+    first = called_in_sentence(diagnosis, added[:1], on_the_path)
+    why = f"The path begins with {first}, although {title} is likelier as the one effect"
     why += f": {path} leave{'s' * (len(added) == 1)} {end}, {title} alone {ours}"
     other = "" if best.effect in added else f" For that one: {_options((*diagnosis.model, best.effect))}"
     return f"{why}. {text}{'.' if other else ''}{other}"
@@ -420,9 +484,9 @@ def _options(effects: Sequence[str]) -> str:
     return " ".join(f"--add {name}" for name in effects)
 
 
-def _instead(removed: str | None) -> str:
+def _instead(diagnosis: Diagnosis, removed: str | None) -> str:
     """In whose place a step of the path puts its effect; empty where it adds it."""
-    return f" in place of {in_sentence(effect_title(removed))}" if removed else ""
+    return f" in place of {in_sentence(called(diagnosis, removed))}" if removed else ""
 
 
 def failure_sentence(failure: Failure | None) -> str:
@@ -441,7 +505,10 @@ def paired_sentence(diagnosis: Diagnosis) -> str:
         where += f" of {Path(pair.sessions[1]).name})" if len(set(pair.sessions)) > 1 else ")"
         misses = f"the model as given misses their difference by {score_text(pair.score)} times its floor"
         each = sorted((k, n) for n, k in pair.with_effect.items() if k < pair.score - LEAST_PAIRED)
-        best = [f"{_names([name])} by {score_text(score)}" for score, name in each[:MOST_PAIRED_NAMES]]
+        best = [
+            f"{called_in_sentence(diagnosis, [name])} by {score_text(score)}"
+            for score, name in each[:MOST_PAIRED_NAMES]
+        ]
         sentences.append(f"{where}: {misses}" + (f", with {listed(best)}." if best else "."))
     return " ".join(sentences)
 
@@ -452,16 +519,23 @@ def next_experiment_sentence(diagnosis: Diagnosis) -> str | None:
     if not proposal:
         return None
     phase, cable = str(proposal.get("phase") or ""), str(proposal.get("cable") or "none")
-    text = f"Record next: {_motion_words(proposal.get('trajectory'))}"
-    text += f", {PHASE_WORDS.get(phase, phase)}" if phase else ""
-    text += f", {cable} cable" if cable != "none" else ""
+    run = _motion_words(proposal.get("trajectory"))
+    run += f", {PHASE_WORDS.get(phase, phase)}" if phase else ""
+    run += f", {cable} cable" if cable != "none" else ""
     change = proposal.get("intervention")
-    text += f", {read_intervention(change, 'The proposal').words()}" if change else ""
-    purpose = _purpose_words(diagnosis)
-    text = f"{text}. {purpose}{_gain_words(proposal.get('expected_separation'))}." if purpose else f"{text}."
-    alone = proposal.get("chance_alone")
+    run += f", {read_intervention(change, 'The proposal').words()}" if change else ""
+    purpose, alone = _purpose_words(diagnosis), proposal.get("chance_alone")
+    text = f"Record next: {run}."
+    text += f" {purpose}{_gain_words(proposal.get('expected_separation'))}." if purpose else ""
     if not isinstance(alone, int | float):
         return text
+    if alone < NO_CHANCE:
+        return (
+            f"No run is known that would settle it: after the best, {run}, the chance that the true one "
+            f"stands alone is {percent(alone)}."
+        )
+    if diagnosis.verdict == "nothing_missing":
+        return f"{text} The chance that the run settles that is {percent(alone)}."
     return f"{text} The chance that the true one then stands alone is {percent(alone)}."
 
 
@@ -482,9 +556,10 @@ def _purpose_words(diagnosis: Diagnosis) -> str:
     """What the proposed run would tell; one that looks for what was not seen separates it from nothing."""
     effects = would_show(diagnosis)
     if effects and diagnosis.verdict == "nothing_missing":
-        return f"It would show {_names(effects)}, if there"
+        return f"It would show {called_in_sentence(diagnosis, effects)}, if there"
     if len(effects) > 1:
-        return f"It would tell {_names(effects[:1])} from {_names(effects[1:])}"
+        first, others = (called_in_sentence(diagnosis, part) for part in (effects[:1], effects[1:]))
+        return f"It would tell {first} from {others}"
     return ""
 
 

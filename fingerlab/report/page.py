@@ -186,7 +186,7 @@ def render(content: Content, progress: Progress) -> Page:
         mending=mending_sentence(diagnosis),
         mend_rows=mend_rows(diagnosis),
         verdict=words.verdict_sentence(diagnosis),
-        model=words.model_words(diagnosis.model),
+        model=words.model_words(diagnosis.model, diagnosis),
         final_model=content.model_words(),
         score=score_text(diagnosis.score),
         errors=tables.error_rows(diagnosis.errors),

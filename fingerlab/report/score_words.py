@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from itertools import groupby, pairwise
 from typing import Any
 
@@ -18,6 +18,7 @@ from fingerlab.report.diagnosis_words import (
     in_sentence,
     judged_on,
     listed,
+    on_the_path,
 )
 from fingerlab.report.parameter_words import held_words
 from fingerlab.sessions.model import Session
@@ -249,6 +250,7 @@ class StoryStep:
         before, after: score. chance: probability that was given to what came, 0 to 1; None: not ranked.
         evidence: what spoke for it, in words of the diagnosis before the step.
         held: what was held from this step on, in words, where that changed.
+        titles: what these effects are called as they were found, by id; others as in the catalogue.
     """
 
     came: tuple[str, ...]
@@ -258,21 +260,21 @@ class StoryStep:
     chance: float | None
     evidence: str
     held: str = ""
+    titles: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def title(self) -> str:
         """``Coulomb joint friction``, ``Stribeck friction in place of Coulomb friction``."""
         if self.held and not (self.came or self.went):
             return self.held[:1].upper() + self.held[1:]
-        came, went = (
-            listed([effect_title(effects[0]), *(in_sentence(effect_title(e)) for e in effects[1:])])
-            if effects
-            else ""
-            for effects in (self.came, self.went)
-        )
+        came, went = map(self._named, (self.came, self.went))
         if came and went:
             return f"{came} in place of {in_sentence(went)}"
         return came or f"{went} taken out"
+
+    def _named(self, effects: Sequence[str]) -> str:
+        titles = [self.titles.get(one) or effect_title(one) for one in effects]
+        return listed([*titles[:1], *map(in_sentence, titles[1:])]) if titles else ""
 
     @property
     def row(self) -> tuple[str, str, str, str]:
@@ -316,6 +318,7 @@ def _step(before: Diagnosis, now: Diagnosis) -> StoryStep:
         judged[0].probability if judged else None,
         evidence_for(came, before),
         "" if now.held == before.held else held_words(now.held) or "nothing held any more",
+        {name: on_the_path(now if name in came else before, name) for name in (*came, *went)},
     )
 
 

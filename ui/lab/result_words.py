@@ -22,8 +22,8 @@ from fingerlab.report.diagnosis_words import (
     UNKNOWN_WORDS,
     alone,
     better_chance,
+    called,
     could_hide,
-    effect_title,
     exchange_words,
     held_sentence,
     holds,
@@ -33,7 +33,9 @@ from fingerlab.report.diagnosis_words import (
     left_open,
     listed,
     not_shown,
+    on_the_path,
     rivalled,
+    worth_adding,
     would_show,
 )
 from fingerlab.report.diagnosis_words import next_experiment_words as next_experiment_words
@@ -165,7 +167,7 @@ def verdict_headline(diagnosis: Diagnosis) -> str:
 def _verdict(diagnosis: Diagnosis) -> str:
     if diagnosis.better is not None:
         chance = percent(better_chance(diagnosis)).replace(" ", NO_BREAK)
-        return f"Rather {exchange_words(diagnosis.better)}, {chance}"
+        return f"Rather {exchange_words(diagnosis.better, diagnosis)}, {chance}"
     if diagnosis.verdict == NOTHING:
         hider = could_hide(diagnosis)
         if hider is not None:
@@ -205,20 +207,21 @@ def bench_words(diagnosis: Diagnosis) -> tuple[str, str]:
 def _set_words(diagnosis: Diagnosis) -> str:
     if not_shown(diagnosis):
         hidden, weak = left_open(diagnosis)
-        text = f"They could not have shown: {_named(hidden)}." if hidden else ""
-        text += f"{' ' if text else ''}Too weak to tell: {_named(weak)}." if weak else ""
+        text = f"They could not have shown: {_named(diagnosis, hidden)}." if hidden else ""
+        text += f"{' ' if text else ''}Too weak to tell: {_named(diagnosis, weak)}." if weak else ""
         shown = would_show(diagnosis)
-        return f"{text} The proposed run would show {_named(shown)}." if shown else text
-    titles = [in_sentence(effect_title(name)) for name in indistinguishable(diagnosis)]
-    others = [in_sentence(effect_title(name)) for name in improbable_rivals(diagnosis)]
-    also = f"Below {percent(IMPROBABLE)}, but not ruled out: {listed(others)}." if others else ""
+        return f"{text} The proposed run would show {_named(diagnosis, shown)}." if shown else text
+    titles = [in_sentence(called(diagnosis, name)) for name in indistinguishable(diagnosis)]
+    others = [in_sentence(called(diagnosis, name)) for name in improbable_rivals(diagnosis)]
+    also = f"At most {percent(IMPROBABLE)}, but not ruled out: {listed(others)}." if others else ""
     if also and len(titles) < 2:
         return also
     if diagnosis.better is not None and len(titles) < 2:
         return f"That the model is right as it is: {percent(diagnosis.probability_nothing)}."
     if len(titles) < 2:
         if diagnosis.verdict == UNKNOWN:
-            return f"None of the {len(diagnosis.candidates)} effects tried explains it."
+            what = "what the path leaves" if worth_adding(diagnosis) else "it"
+            return f"None of the {len(diagnosis.candidates)} effects tried explains {what}."
         return "Told apart from every other effect." if titles else "No effect is called for."
     return f"Cannot be told apart here: {listed(titles)}.{' ' if also else ''}{also}"
 
@@ -236,12 +239,12 @@ EXCHANGE_MARK = "⇄"
 def set_help(diagnosis: Diagnosis) -> str:
     """Where the words on the set had to leave some out: all of them."""
     hidden = not_shown(diagnosis)
-    titles = [in_sentence(effect_title(name)) for name in hidden]
+    titles = [in_sentence(called(diagnosis, name)) for name in hidden]
     return f"These data leave open: {listed(titles)}." if len(hidden) > NAMED else ""
 
 
-def _named(effects: Sequence[str]) -> str:
-    titles = [in_sentence(effect_title(effect)) for effect in effects]
+def _named(diagnosis: Diagnosis, effects: Sequence[str]) -> str:
+    titles = [in_sentence(called(diagnosis, effect)) for effect in effects]
     more = len(titles) - NAMED
     return listed(titles) if more <= 0 else listed([*titles[:NAMED], f"{more} more"])
 
@@ -292,7 +295,7 @@ def step_results(diagnosis: Diagnosis, history: ModelHistory) -> dict[str, str]:
         seen = " that they could show" if not_shown(diagnosis) else ""
         results["missing"] = f"{'nothing more' if history.now.added else 'nothing'}{seen}"
     if history.now.added:
-        results["add"] = " + ".join(effect_title(effect) for effect in history.now.added)
+        results["add"] = " + ".join(on_the_path(diagnosis, effect) for effect in history.now.added)
     if diagnosis.better is not None:
         results["true"] = "no, another is better"
     elif rivalled(diagnosis) and diagnosis.verdict == NOTHING:

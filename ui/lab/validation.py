@@ -20,10 +20,10 @@ from fingerlab.report.diagnosis_words import (
     alone,
     as_good_sentence,
     could_hide,
-    effect_title,
     holds,
     in_sentence,
     listed,
+    on_the_path,
     paired_sentence,
     rivalled,
 )
@@ -176,7 +176,7 @@ class ValidationPanel(QWidget):
             self.runs.show_runs((), ())
             return
         diagnosis = history.now.diagnosis
-        names = [in_sentence(effect_title(effect)) for effect in history.now.added]
+        names = [in_sentence(on_the_path(diagnosis, effect)) for effect in history.now.added]
         model = "The nominal model" if not names else f"The model with {listed(names)}"
         if diagnosis.better is not None:
             self.title.setText("Not true: another model is better")

@@ -138,11 +138,15 @@ class Candidate:
 
 @dataclass(frozen=True)
 class PathStep:
-    """One step of the error path; ``added`` is None for the model as given, ``removed`` what it replaces."""
+    """One step of the error path; ``added`` is None for the model as given, ``removed`` what it replaces.
+
+    ``title``: what the added effect is called as it was found there; empty: as the catalogue calls it.
+    """
 
     added: str | None
     score: float
     removed: str | None = None
+    title: str = ""
 
 
 @dataclass(frozen=True)
@@ -282,6 +286,7 @@ class BudgetPart:
         low, high: least and most that the error falls by, whatever the order in which effects are added, and
             average: over all orders; None: there is one order, or too many.
         parameter: key of the unknown whose uncertainty weighs most, of parameters and calibration.
+        title: what the effect is called as it was found; empty: as the catalogue calls it.
     """
 
     kind: BudgetKind
@@ -292,6 +297,7 @@ class BudgetPart:
     high: float | None = None
     average: float | None = None
     parameter: str = ""
+    title: str = ""
 
 
 @dataclass(frozen=True)
@@ -459,6 +465,7 @@ class Diagnosis:
     ``predicted`` what of the proposed run was.
     ``held``: unknowns that somebody held, by key, and their values, SI; all that is told holds only then.
     ``budget``: what the error of each family of equations is made of.
+    ``titles``: what effects of the model as given, and of the path's end, are called as found, by id.
     ``fitted``: the model as given, as it was fitted; ``last``: the one at the end of the path.
     ``constants``: that every run has of its own; None: none were found.
     """
@@ -496,6 +503,7 @@ class Diagnosis:
     paired: tuple[PairedDifference, ...] = ()
     held: Mapping[str, float] = field(default_factory=dict)
     budget: Mapping[str, Budget] = field(default_factory=dict)
+    titles: Mapping[str, str] = field(default_factory=dict)
     fitted: FittedModel | None = field(default=None, repr=False, compare=False)
     last: FittedModel | None = field(default=None, repr=False, compare=False)
     constants: RunConstants | None = field(default=None, repr=False, compare=False)

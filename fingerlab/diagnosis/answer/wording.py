@@ -367,13 +367,28 @@ def _at_bounds(fitted: FittedModel, effect: Effect) -> str:
 
 def _in_sentence(fitted: FittedModel, names: Sequence[str]) -> str:
     """Titles of some of the model's effects as they stand inside a sentence."""
-    titles = {c.effect.id: c.effect.title for c in fitted.choices}
+    titles = titles_in(fitted)
     return " and ".join(in_sentence(titles.get(name, name)) for name in names)
+
+
+def titles_in(fitted: FittedModel) -> dict[str, str]:
+    """What the model's effects are called, by id: a motor alone has a name for some as they were found."""
+    on_bench = _on_bench(fitted)
+    return {
+        one.effect.id: one.effect.title_of_an_axis(one.effect.shapes[one.shape])
+        if on_bench and one.effect.title_of_an_axis is not None
+        else one.effect.title
+        for one in fitted.choices
+    }
+
+
+def _on_bench(fitted: FittedModel) -> bool:
+    return all(f.row == Row.BENCH for f in fitted.model.layout.features)
 
 
 def _said(fitted: FittedModel, effect: Effect) -> str:
     """The effect's sentence; a motor bench has no joints to speak of."""
-    on_bench = all(f.row == Row.BENCH for f in fitted.model.layout.features)
+    on_bench = _on_bench(fitted)
     if on_bench and effect.of_an_axis is not None:
         shape = next(c.shape for c in fitted.choices if c.effect is effect)
         return effect.of_an_axis(effect.shapes[shape])

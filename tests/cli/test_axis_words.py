@@ -1,0 +1,74 @@
+"""What is said of machines with one axis: in the words of such a machine, and one sentence with the other.
+
+The logs are laws written down here, of motions that are sums of sines.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.cli.calling import run_main
+
+RATE = 250.0
+TIME = np.arange(int(16 * RATE)) / RATE
+NOISE = 0.01
+"""N m."""
+Law = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+
+
+def moved(run: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Position, speed and acceleration of a run, rad and s; another mixture each, about the horizontal."""
+    rates, sizes = 2 * np.pi * np.array((0.21, 0.5, 0.83)), np.array((0.55, 0.35, 0.12))
+    phases = rates[:, None] * TIME + np.array((0.0, 1.1, 2.3))[:, None] * (run + 1)
+    return (
+        0.3 + sizes @ np.sin(phases),
+        (sizes * rates) @ np.cos(phases),
+        -(sizes * rates**2) @ np.sin(phases),
+    )
+
+
+def imported(folder: Path, capsys: pytest.CaptureFixture[str], law: Law, unit: str = "N m") -> Path:
+    """Three runs in which this law drives an axis, as a session."""
+    files, random = [], np.random.default_rng(4)
+    position_unit = "rad" if unit == "N m" else "m"
+    for run in range(3):
+        q, v, a = moved(run)
+        torque = law(q, v, a) + NOISE * random.standard_normal(len(q))
+        files.append(folder / f"{run}.csv")
+        table = np.stack((TIME, q, torque), axis=1)
+        header = f"time (s),position ({position_unit}),torque ({unit})"
+        np.savetxt(files[-1], table, "%.7f", delimiter=",", header=header, comments="")
+    session = folder / "axis.h5"
+    code, _, err = run_main(["import", "--axis", *files, "--out", session], capsys)
+    assert code == 0, err
+    return session
+
+
+def told(session: Path, capsys: pytest.CaptureFixture[str], *options: object) -> str:
+    """What ``diagnose`` prints, with its lines put together."""
+    code, out, err = run_main(["diagnose", session, *options], capsys)
+    assert code == 0, err
+    return " ".join(out.split())
+
+
+def test_the_weight_of_a_link_is_no_ripple(tmp_path, capsys):
+    """5 N m once a turn: in the headline, the table, the path and the report it is a weight."""
+    session = imported(tmp_path, capsys, lambda q, v, a: 0.3 * a + 5.0 * np.sin(q) + 0.6 * np.sign(v))
+    text = told(session, capsys, "--budget")
+    assert "Weight of a link out of balance" in text
+    assert "torque_ripple" in text  # the id that --add takes
+    assert "ripple" not in text.replace("torque_ripple", "")
+    found = re.search(r"amplitude, sine ([\d.]+) ± ([\d.]+) N m", text)
+    assert found is not None
+    assert float(found[1]) == pytest.approx(5.0, abs=3 * float(found[2]))
+    page = tmp_path / "r.html"
+    code, _, err = run_main(["report", session, "--out", page], capsys)
+    assert code == 0, err
+    words = re.sub(r"<[^>]*>", " ", page.read_text().partition("The model's equations with numbers</h2>")[0])
+    assert "Weight of a link out of balance" in words
+    assert "ripple" not in words.lower().replace("torque_ripple", "")

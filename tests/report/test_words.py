@@ -1,0 +1,90 @@
+"""Sentences of an answer that have to agree with its numbers, and with each other."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from fingerlab.diagnosis.answer.results import Diagnosis, PathStep
+from fingerlab.diagnosis.score.calibration import CalibratedAnswer
+from fingerlab.report.diagnosis_words import next_experiment_words, set_sentence, verdict_sentence
+from fingerlab.ui.lab.result_words import set_words
+
+
+def leaving_open(diagnosis: Diagnosis, score: float) -> Diagnosis:
+    """The same at so many floors, with both answers that are no effect in what cannot be ruled out."""
+    said = CalibratedAnswer(
+        "4", 100, 100, "", 0.7, 0.95, 0.0, ("number of runs 1",), 1.0,
+        (*diagnosis.set, "nothing_missing", "not_in_catalogue"),
+    )  # fmt: skip
+    return replace(diagnosis, score=score, calibration=said)
+
+
+@pytest.mark.parametrize(("score", "could_be_nothing"), [(35.7, False), (1.5, False), (1.3, True)])
+def test_nothing_can_be_all_that_is_missing_only_near_the_floor(alike, score, could_be_nothing) -> None:
+    """What leaves two squared floors, 1.41, is never told as nothing missing; so it cannot be left open."""
+    text = set_sentence(leaving_open(alike, score))
+    assert ("ruled out that nothing is missing or that it is not" in text) is could_be_nothing
+    assert "it is not in the catalogue" in text
+
+
+@pytest.mark.parametrize(("chance", "apart"), [(0.004, True), (0.009, True), (0.0149, True), (0.016, False)])
+def test_what_is_told_with_one_in_a_hundred_is_not_said_to_be_below_it(alike, chance, apart) -> None:
+    first, second, third = alike.candidates
+    text = set_sentence(replace(alike, candidates=(first, replace(second, probability=chance), third)))
+    assert ("Improbable, at most 1 %, but not ruled out: cable stretch." in text) is apart
+    assert ("cannot tell apart Coulomb joint friction and cable stretch" in text) is not apart
+
+
+def test_a_headline_names_only_what_is_probable(alike) -> None:
+    """Of three that are not ruled out the last has 1 %: the headline tells of two, and their sum."""
+    first, second, third = alike.candidates
+    three = replace(
+        alike, candidates=(first, second, replace(third, probability=0.012)), set=(*alike.set, third.effect)
+    )
+    said = verdict_sentence(three)
+    assert (
+        "(98 % probable), and these data cannot tell which: Coulomb joint friction and cable stretch;" in said
+    )
+    assert "Improbable, at most 1 %, but not ruled out: tilted base." in set_sentence(three)
+
+
+def test_what_a_path_explains_is_said_before_what_nothing_explains(unknown) -> None:
+    path = (PathStep(None, 63.2), PathStep("coulomb_friction", 9.1), PathStep("cable_stretch", 4.4))
+    found = replace(unknown, path=path, final_model=("coulomb_friction", "cable_stretch"))
+    assert (
+        "63.2 times the bench's own repeatability; Coulomb joint friction and cable stretch explain a part "
+        "of it, down to 4.40, and none of the 3 effects tried explains what is left."
+        in verdict_sentence(found)
+    )
+    assert set_words(found) == "None of the 3 effects tried explains what the path leaves."
+    assert set_sentence(found).startswith("What is left is of no effect of the catalogue")
+    assert "repeatability, and none of the 3 effects tried explains it." in verdict_sentence(unknown)
+
+
+def test_a_run_that_would_settle_nothing_is_not_proposed(alike) -> None:
+    proposal = {**(alike.next_experiment or {}), "chance_alone": 0.0}
+    assert next_experiment_words(replace(alike, next_experiment=proposal)) == (
+        "No run is known that would settle it: after the best, chirp, 11°, against a known load of 100 mN m, "
+        "on air, flexion cable, the chance that the true one stands alone is < 1 %."
+    )
+    hopeful = replace(alike, next_experiment={**proposal, "chance_alone": 0.4})
+    assert next_experiment_words(hopeful).startswith("Record next: chirp, 11°")
+
+
+def test_an_effect_has_one_name_as_it_was_found(alike) -> None:
+    """A title of its own, as a link's weight has it, stands wherever the effect is named."""
+    first, second, third = alike.candidates
+    weight = "Weight of a link out of balance"
+    named = replace(
+        alike,
+        candidates=(first, replace(second, effect="torque_ripple", title=weight), third),
+        set=("coulomb_friction", "torque_ripple"),
+        path=(*alike.path, PathStep("torque_ripple", 1.0, title=weight)),
+        titles={"torque_ripple": weight},
+    )
+    lower = weight[0].lower() + weight[1:]
+    for said in (verdict_sentence(named), set_sentence(named), set_words(named)):
+        assert lower in said
+        assert "ripple" not in said
