@@ -193,6 +193,7 @@ class Effect:
         of_an_axis: the same of a motor or an axis alone, at a point of ``shapes``; None: as ``explanation``.
         title_of_an_axis: what it is called of one, at a point of ``shapes``; None: ``title``.
         reveal: the experiment that shows the effect where these data could not.
+        reveal_of_an_axis: the same of a motor or an axis alone, of whatever size; empty: as ``reveal``.
         mend: what on the bench makes it smaller, a sentence.
         shapes: grid of the nonlinear unknowns; each point is a mapping name -> value.
         shape_units: unit of each nonlinear unknown; what ``shapes`` holds beyond these are switches, 0 or 1.
@@ -226,6 +227,7 @@ class Effect:
     explanation: str
     reveal: str
     mend: str = ""
+    reveal_of_an_axis: str = ""
     of_an_axis: Callable[[Shape], str] | None = None
     title_of_an_axis: Callable[[Shape], str] | None = None
     shapes: Sequence[Shape] = ({},)

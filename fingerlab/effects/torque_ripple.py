@@ -122,6 +122,7 @@ EFFECT = Effect(
     of_an_axis=_of_an_axis,
     title_of_an_axis=_title_of_an_axis,
     reveal="a slow sine of large amplitude on the motor bench",
+    reveal_of_an_axis="slow motion over a large travel",
     mend="Use a motor with more commutator segments, balance what it carries, or compensate its torque by "
     "its angle.",
     shapes=tuple({"order": float(n)} for n in RIPPLE_ORDERS),
@@ -133,7 +134,7 @@ EFFECT = Effect(
         equation=r"\tau_m = \sum_{k=1}^{3} A_k\sin kn\theta_m + B_k\cos kn\theta_m",
         symbols=(
             "A, B: amplitudes at the order and its multiples, the third of a motor alone only. n: periods a "
-            "turn of the pulley. Of a joint that turns by less than two turns k = n = 1 is tried, too: the "
+            "turn of the output. Of an axis that turns by less than two turns k = n = 1 is tried, too: the "
             "weight of a link."
         ),
         source="Ours: the first terms of a Fourier series over a turn, assumed.",

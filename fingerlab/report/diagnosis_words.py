@@ -529,7 +529,7 @@ def next_experiment_sentence(diagnosis: Diagnosis) -> str | None:
     text += f" {purpose}{_gain_words(proposal.get('expected_separation'))}." if purpose else ""
     if not isinstance(alone, int | float):
         return text
-    if alone < NO_CHANCE:
+    if not run_proposed(diagnosis):
         return (
             f"No run is known that would settle it: after the best, {run}, the chance that the true one "
             f"stands alone is {percent(alone)}."
@@ -537,6 +537,14 @@ def next_experiment_sentence(diagnosis: Diagnosis) -> str | None:
     if diagnosis.verdict == "nothing_missing":
         return f"{text} The chance that the run settles that is {percent(alone)}."
     return f"{text} The chance that the true one then stands alone is {percent(alone)}."
+
+
+def run_proposed(diagnosis: Diagnosis) -> bool:
+    """Whether a run is proposed that has a chance to settle what is missing."""
+    if not diagnosis.next_experiment:
+        return False
+    chance = diagnosis.next_experiment.get("chance_alone")
+    return not (isinstance(chance, int | float) and chance < NO_CHANCE)
 
 
 def next_experiment_words(diagnosis: Diagnosis) -> str:

@@ -42,10 +42,14 @@ class Value:
 
 @dataclass(frozen=True)
 class FinalEquation:
-    """All of it. ``values`` are those that the fit found; the bench's own constants stand in the report."""
+    """All of it. ``values`` are those that the fit found; the bench's own constants stand in the report.
+
+    ``finger``: whether there is one; else it is the equation of a motor alone.
+    """
 
     parts: tuple[EquationPart, ...]
     values: tuple[Value, ...]
+    finger: bool = True
 
 
 Estimates = Mapping[str, ParameterEstimate]
@@ -64,10 +68,11 @@ def final_equation(
     found = model.parameters
     chosen = model.extended.effects
     adds = {symbol for one in chosen for symbol in _added_symbols(one)}
-    if rig.finger is None or not _routings(found):
+    finger = rig.finger if _routings(found) else None
+    if finger is None:
         parts = [_bench_part(found, r"\tau_m" in adds)]
     else:
-        finger = fitted_finger(rig.finger, found)
+        finger = fitted_finger(finger, found)
         parts = [
             _torque_part(finger),
             _tension_part(rig.motor, found, r"\tau_m" in adds),
@@ -80,7 +85,7 @@ def final_equation(
     if len(chosen) > 1:
         last = parts[-1]
         parts[-1] = replace(last, note=f"{last.note} {ADDED_UP}".strip())
-    return FinalEquation((*parts, *(_effect_part(one) for one in chosen)), tuple(values))
+    return FinalEquation((*parts, *map(_effect_part, chosen)), tuple(values), finger is not None)
 
 
 def _distinct(chosen: Sequence[ChosenEffect], of_effects: Sequence[Sequence[Value]]) -> Iterator[Value]:
@@ -273,7 +278,7 @@ def _bench_part(found: Mapping[str, ParameterEstimate], with_effect: bool) -> Eq
         if key in found
     ]
     line = rf"M = {' '.join(terms).removeprefix('+ ')}" + (r" + \tau_m" if with_effect else "")
-    return EquationPart("Torque of the motor", (line,), "M: torque at the gearbox output. τ_l: known load.")
+    return EquationPart("Torque of the motor", (line,), "M: torque at the output. τ_l: known load.")
 
 
 def _effect_part(one: ChosenEffect) -> EquationPart:

@@ -40,6 +40,7 @@ from fingerlab.report.equation_text import (
     equation_figures,
     equation_text,
     html_words,
+    si_note,
     to_latex,
 )
 from fingerlab.report.figure_style import NamedFigure, Pictures, save_figures
@@ -64,8 +65,8 @@ EQUATION_NOTES = {
     "pip_torque": "Measured and modelled as at the MCP.",
     "cable_kinematics": "Measured: cable wound on the pulley, from the motor angle. Modelled: what the joint "
     "angles call for while the cable is taut.",
-    "motor_torque": "Measured: torque at the gearbox output, from motor current. Modelled: what cable and "
-    "finger, or the load on the motor bench, call for.",
+    "motor_torque": "Measured: the motor's torque at its output, as it was logged or from its current. "
+    "Modelled: what inertia, a known load and an offset call for.",
     "endpoint_force_pip": "Measured: the load cell. Modelled: the force that balances the PIP joint.",
     "endpoint_force_mcp": "Measured: the load cell. Modelled: the force that balances the MCP joint.",
 }
@@ -208,6 +209,7 @@ def render(content: Content, progress: Progress) -> Page:
         prediction=content.prediction,
         prediction_picture=_prediction_picture(content.prediction, pictures),
         equation=_equation(content, pictures, title),
+        finger=any(session.rig.finger is not None for session in sessions),
         sessions=[_session(session) for session in sessions],
         no_calibration=calibration_sentence(sessions),
         files=tables.file_rows(sessions),
@@ -244,6 +246,7 @@ def _equation(content: Content, pictures: Pictures, title: str) -> dict[str, Any
         ],
         "rows": [(v.title, estimate_text(v.estimate)) for v in content.equation.values],
         "values_title": VALUES_TITLE,
+        "units": si_note(content.equation),
         "latex": to_latex(content.equation, title, content.model_words()),
     }
 

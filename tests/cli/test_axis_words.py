@@ -72,3 +72,44 @@ def test_the_weight_of_a_link_is_no_ripple(tmp_path, capsys):
     words = re.sub(r"<[^>]*>", " ", page.read_text().partition("The model's equations with numbers</h2>")[0])
     assert "Weight of a link out of balance" in words
     assert "ripple" not in words.lower().replace("torque_ripple", "")
+
+
+OF_A_FINGER = re.compile(
+    r"\b(cable|tension|winding|paying|finger|fingertip|joints?|tip|pulley|flex\w*|exten(?:d|sion)\w*|MCP|PIP)\b",
+    re.IGNORECASE,
+)
+
+
+def laws() -> dict[str, Law]:
+    """One for each kind of answer: nothing, an effect, several, and what no effect tells."""
+    return {
+        "plain": lambda q, v, a: 0.3 * a,
+        "rubs": lambda q, v, a: 0.3 * a + 0.6 * np.sign(v),
+        "spring and oil": lambda q, v, a: 0.3 * a + 2.0 * q + 0.3 * v,
+        "drag of the air": lambda q, v, a: 0.3 * a + 0.8 * np.abs(v) * v**2 * np.sign(v) * np.cos(3 * q),
+    }
+
+
+@pytest.mark.parametrize("law", laws())
+def test_nothing_of_a_finger_is_told_of_an_axis(tmp_path, capsys, law):
+    session = imported(tmp_path, capsys, laws()[law])
+    text = told(session, capsys, "--budget", "--draft")
+    page = tmp_path / "r.html"
+    equation = tmp_path / "e.md"
+    code, _, err = run_main(["report", session, "--out", page, "--equation", equation], capsys)
+    assert code == 0, err
+    body = re.sub(r"(?s)<(style|svg|script|nav)\b.*?</\1>|<[^>]*>", " ", page.read_text())
+    # That there is no finger is told, and the table of runs and of calibrations has its columns.
+    for known in ("There is no finger in these runs, so that", "Cable Motion of the motor"):
+        body = " ".join(body.split()).replace(known, "")
+    worst = re.search(
+        r"Motor torque of run \d+ at [\d.]+ to [\d.]+ s: ([a-z ]+), at (low|middling|high) torque;", body
+    )
+    assert worst is not None
+    assert worst[1].startswith(("moving forward", "moving backward", "near standstill"))
+    for where, said in (("text", text), ("page", body), ("equation", equation.read_text())):
+        found = OF_A_FINGER.findall(said)
+        assert not found, (
+            where,
+            [said[m.start() - 60 : m.end() + 40] for m in OF_A_FINGER.finditer(said)][:5],
+        )

@@ -333,10 +333,9 @@ def explanation(
     said = _said(fitted, effect)
     if not shown:
         strength = would_have_shown(fitted, effect, least)
+        reveal = (effect.reveal_of_an_axis if _on_bench(fitted) else "") or effect.reveal
         from_there = f" (it would have shown from {strength} on)" if strength else ""
-        return (
-            f"{said} These data could not show it at a plausible strength{from_there}; {effect.reveal} would."
-        )
+        return f"{said} These data could not show it at a plausible strength{from_there}; {reveal} would."
     if fitted.misfit > evidence.base.misfit * 0.98 and not replaced:
         return f"{said} Nothing of that is seen: {error} goes from {fall}."
     numbers = [
