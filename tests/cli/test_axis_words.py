@@ -113,3 +113,38 @@ def test_nothing_of_a_finger_is_told_of_an_axis(tmp_path, capsys, law):
             where,
             [said[m.start() - 60 : m.end() + 40] for m in OF_A_FINGER.finditer(said)][:5],
         )
+
+
+def slow_log(folder: Path, seconds: float) -> Path:
+    """A swing that is logged 20 times a second."""
+    time = np.arange(int(20 * seconds)) / 20.0
+    angle = np.sin(2.0 * time)
+    table = np.stack((time, angle, 0.6 * np.sign(np.cos(2.0 * time)) + 0.01 * np.sin(97 * time)), axis=1)
+    path = folder / f"slow{seconds:g}.csv"
+    np.savetxt(path, table, "%.6f", delimiter=",", header="t (s),q (rad),tau (N m)", comments="")
+    return path
+
+
+def test_a_run_that_is_too_short_is_told_at_its_import_with_the_number_of_its_diagnosis(tmp_path, capsys):
+    """Twenty samples a second are read at a quarter of the usual pace: four times three seconds."""
+    target = tmp_path / "s.h5"
+    code, _, err = run_main(["import", "--axis", slow_log(tmp_path, 3.0), "--out", target], capsys)
+    assert code == 0
+    assert err.splitlines()[-1] == (
+        "Run 001 lasts 3.0 s, too short for a diagnosis: of this machine it needs 12 s a run, for it is "
+        "logged 20 times a second. Record longer runs, or log faster."
+    )
+    code, _, err = run_main(["diagnose", target], capsys)
+    assert (code, err.strip().splitlines()[-1].partition(";")[2]) == (2, " a diagnosis needs at least 12 s.")
+    long = tmp_path / "l.h5"
+    code, _, err = run_main(["import", "--axis", slow_log(tmp_path, 30.0), "--out", long], capsys)
+    assert (code, "too short" in err) == (0, False)
+    assert told(long, capsys)
+
+
+def test_what_is_beyond_a_guess_is_not_said_to_be_another_effect(tmp_path, capsys):
+    """Oil that takes nearly all of the torque: a large value is no fault of the law."""
+    session = imported(tmp_path, capsys, lambda q, v, a: 0.01 * a + 8.0 * v)
+    text = told(session, capsys)
+    assert text.startswith("Viscous friction")
+    assert "assumed bound" not in text

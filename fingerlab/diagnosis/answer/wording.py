@@ -350,7 +350,11 @@ def explanation(
 
 
 def _at_bounds(fitted: FittedModel, effect: Effect) -> str:
-    """What is to be said where a strength is beyond, or at the end of, what was thought plausible."""
+    """What is to be said where a strength is beyond, or at the end of, what was thought plausible.
+
+    Of a machine that nobody here knows that is a guess by its torque and pace, which a law may exceed.
+    """
+    on_bench, size = _on_bench(fitted), "so large"
     usual, keys, stuck = find_effect(effect.id) or effect, own_keys(fitted, effect), at_assumed_bounds(fitted)
     said = []
     for name in (one for one in dict.fromkeys((*effect.widened, *stuck)) if one in keys):
@@ -359,9 +363,18 @@ def _at_bounds(fitted: FittedModel, effect: Effect) -> str:
         if value < bound and name not in stuck:
             continue
         shown = _amount(bound * fitted.model.layout.scales.of(before.unit), before.unit)
-        where = "is beyond" if value > bound else "stands at"
-        said.append(f"{parameter_title(effect, name)} {where} the assumed bound of {shown}")
-    return f" Its {' and its '.join(said)}, so that it may be another effect." if said else ""
+        title, beyond = parameter_title(effect, name), value > bound
+        if on_bench and beyond:
+            said.append(f"{title} is beyond {shown}, which was guessed from this machine's torque and pace")
+        elif on_bench:
+            said.append(f"{title} stands at {shown}, the most that was looked for")
+            size = "larger"
+        else:
+            said.append(f"{title} {'is beyond' if beyond else 'stands at'} the assumed bound of {shown}")
+    if not said:
+        return ""
+    so = f": it may be {size}, or another effect." if on_bench else ", so that it may be another effect."
+    return f" Its {' and its '.join(said)}{so}"
 
 
 def _in_sentence(fitted: FittedModel, names: Sequence[str]) -> str:
