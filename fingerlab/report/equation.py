@@ -15,7 +15,7 @@ from fingerlab.diagnosis.equations.parameters import SLIPS
 from fingerlab.models.file import ParameterEstimate
 from fingerlab.prediction.extended import ChosenEffect, ExtendedModel
 from fingerlab.report.diagnosis_words import in_sentence
-from fingerlab.report.parameter_words import parameter_titles
+from fingerlab.report.parameter_words import is_told, parameter_titles
 from fingerlab.rig.file import Finger, Motor, Rig
 
 SIGNS = {"extension": -1, "flexion": +1}
@@ -275,10 +275,11 @@ def _bench_part(found: Mapping[str, ParameterEstimate], with_effect: bool) -> Eq
             ("bench_offset", ""),
             ("bench_trace", r"\,\dot\theta_m"),
         )
-        if key in found
+        if key in found and is_told(key, found[key])
     ]
     line = rf"M = {' '.join(terms).removeprefix('+ ')}" + (r" + \tau_m" if with_effect else "")
-    return EquationPart("Torque of the motor", (line,), "M: torque at the output. τ_l: known load.")
+    note = "M: torque at the output." + (" τ_l: known load." if r"\tau_l" in line else "")
+    return EquationPart("Torque of the motor", (line,), note)
 
 
 def _effect_part(one: ChosenEffect) -> EquationPart:
@@ -309,7 +310,7 @@ def _model_values(found: Mapping[str, ParameterEstimate]) -> Iterator[Value]:
     for base, (symbol, title) in _MODEL_SYMBOLS.items():
         for key, estimate in found.items():
             name, _, cable = key.partition("@")
-            if name == base:
+            if name == base and is_told(key, estimate):
                 yield Value(symbol, title + (f", {cable} cable" if cable else ""), estimate)
 
 

@@ -108,6 +108,14 @@ def parameter_title(key: str, keys: Sequence[str]) -> str:
     return text[:1].upper() + text[1:]
 
 
+def is_told(key: str, estimate: ParameterEstimate) -> bool:
+    """Whether the recordings say anything of a parameter.
+
+    The gain of a load that is not there stands at exactly 0, with the interval of what it may be at all.
+    """
+    return key != "bench_gain" or estimate.value != 0.0
+
+
 def shown_unit(key: str, unit: str, largest: float) -> ScreenUnit:
     """The unit in which a parameter up to ``largest``, SI, is shown; a share off a constant in per cent."""
     if TITLES.get(key.partition("@")[0], ("", ""))[1] == "%":

@@ -107,6 +107,8 @@ def test_nothing_of_a_finger_is_told_of_an_axis(tmp_path, capsys, law):
     )
     assert worst is not None
     assert worst[1].startswith(("moving forward", "moving backward", "near standstill"))
+    assert "load" not in equation.read_text()  # there is none, whose gain would be 0 ± 68
+    assert r"\tau_l" not in equation.read_text()
     for where, said in (("text", text), ("page", body), ("equation", equation.read_text())):
         found = OF_A_FINGER.findall(said)
         assert not found, (

@@ -34,7 +34,7 @@ from fingerlab.report.diagnosis_words import (
     listed,
     on_the_path,
 )
-from fingerlab.report.parameter_words import held_words, parameter_title, value_words
+from fingerlab.report.parameter_words import held_words, is_told, parameter_title, value_words
 from fingerlab.report.score_words import (
     ASIDE_HELP,
     ScoreTable,
@@ -402,7 +402,9 @@ def compared(a: Diagnosis, b: Diagnosis) -> list[tuple[str, str, str]]:
     keys = [
         key
         for key in dict.fromkeys((*a.parameters, *b.parameters))
-        if _worth_showing(key) or key in a.held or key in b.held
+        if (_worth_showing(key) and is_told(key, {**a.parameters, **b.parameters}[key]))
+        or key in a.held
+        or key in b.held
     ]
     titles = {key: parameter_title(key, keys) for key in keys}
     named = Counter(titles.values())
