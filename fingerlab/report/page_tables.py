@@ -144,7 +144,7 @@ _MODEL_ROWS = (
 def model_rows(parameters: Mapping[str, ParameterEstimate]) -> list[tuple[str, str]]:
     """What the fit found out about the bench itself: moment arms and losses, or the motor bench's constants.
 
-    Left out are nuisances that only let a constant move within its tolerance, and what these runs cannot show.
+    Left out are nuisances that only let a constant move within its tolerance, and what no run can show.
     """
     rows = []
     for key in _MODEL_ROWS:

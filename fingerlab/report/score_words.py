@@ -196,7 +196,9 @@ def aside_sentence(diagnosis: Diagnosis) -> str:
         sentences.append(f"Standstill ({still}) is weighed less, for friction may hold any torque there.")
     if shares["spikes"] > 0:
         spikes = percent(shares["spikes"], counted=True)
-        sentences.append(f"Spikes ({spikes} of the time) were put on the line between their neighbours.")
+        sentences.append(
+            f"Single samples that jump ({spikes} of the time) were put on the line between their neighbours."
+        )
     return " ".join(sentences)
 
 

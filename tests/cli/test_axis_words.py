@@ -150,3 +150,20 @@ def test_what_is_beyond_a_guess_is_not_said_to_be_another_effect(tmp_path, capsy
     text = told(session, capsys)
     assert text.startswith("Viscous friction")
     assert "assumed bound" not in text
+
+
+@pytest.mark.parametrize(("kept", "spike"), [(0.0, True), (0.6, False)])
+def test_a_jump_that_dies_away_is_no_spike(tmp_path, capsys, kept, spike):
+    """Every 3 s the torque jumps by 4 N m; a spike is gone with the next sample, a drive's answer is not."""
+
+    def law(q, v, a):
+        torque = 0.3 * a + 0.6 * v
+        for at in range(600, len(q) - 150, 750):
+            torque[at : at + 30] += 4.0 * kept ** np.arange(30)
+        return torque
+
+    text = told(imported(tmp_path, capsys, law), capsys)
+    assert ("look at its plug" in text) is spike
+    assert ("dies away again" in text) is not spike
+    jumps = 3 * len(range(600, len(TIME) - 150, 750))
+    assert (f"has {jumps} single spikes in 3 runs" in text) is spike

@@ -18,6 +18,7 @@ from fingerlab.diagnosis.score.fitted_model import FittedModel, at_assumed_bound
 from fingerlab.diagnosis.settings import (
     AT_BOUND,
     LEAST_SPIKES,
+    LONGEST_STRETCH_S,
     MOST_NAMED,
     REPORTED_OFFSET,
     REPORTED_SHARE,
@@ -26,7 +27,15 @@ from fingerlab.diagnosis.settings import (
     Z90,
 )
 from fingerlab.diagnosis.signals.channel_checks import torque_of_an_ampere
-from fingerlab.diagnosis.signals.filters import BRIDGED, CUT_OUT, HELD, SPIKE, UNEVEN, Repair
+from fingerlab.diagnosis.signals.filters import (
+    BRIDGED,
+    CUT_OUT,
+    HELD,
+    SPIKE,
+    UNEVEN,
+    Repair,
+    without_spikes,
+)
 from fingerlab.diagnosis.signals.scales import as_recorded
 from fingerlab.effects import find_effect
 from fingerlab.effects.base import Effect, Row
@@ -163,13 +172,39 @@ def _spikes(reduction: Reduction) -> list[BenchFinding]:
         if count < LEAST_SPIKES:
             continue
         every = round(sum(reduction.samples[n] for n in runs) / count)
-        said = (
-            f"Channel '{channel}' has {_count(count, 'single spike')} in {_count(len(runs), 'run')}, one in "
-            f"{every:,} samples; they are left aside"
-        )
+        where = f"in {_count(len(runs), 'run')}, one in {every:,} samples"
+        said = f"Channel '{channel}' has {_count(count, 'single spike')} {where}; they are left aside"
         advice = "look at its plug and its shield"
+        if _die_away(reduction, channel, runs):
+            said = (
+                f"Channel '{channel}' jumps and dies away again over the next samples; "
+                f"{_count(count, 'sample')} {where}, are left aside"
+            )
+            advice = "that is how a drive answers a step of its reference, or of a coarse encoder"
         result.append(BenchFinding("spikes", channel, float(count), "samples", names, said, advice))
     return result
+
+
+def _die_away(reduction: Reduction, channel: str, runs: Sequence[int]) -> bool:
+    """Whether most of what was taken for spikes goes back by and by: after a spike the next sample is right.
+
+    Of the first stretch of each run.
+    """
+    shares: list[float] = []
+    for n in runs:
+        run = as_recorded(reduction.analysed[n])
+        values = run.channel(channel, 0, min(run.length, int(LONGEST_STRETCH_S * run.sample_rate_hz)))
+        _, found = without_spikes(values)
+        for at in found[(found >= BEFORE_A_JUMP) & (found < len(values) - 1)]:
+            before = float(np.median(values[at - BEFORE_A_JUMP : at]))
+            if values[at] != before:
+                shares.append(float((values[at + 1] - before) / (values[at] - before)))
+    return bool(shares) and float(np.median(shares)) > STILL_THERE
+
+
+BEFORE_A_JUMP, STILL_THERE = 3, 0.25
+"""Samples before a jump that tell where it begins, and what of it the next sample still has where it dies
+away; assumed: noise is a twelfth of a spike at most."""
 
 
 def _lost(reduction: Reduction) -> list[BenchFinding]:
