@@ -11,6 +11,7 @@ from typing import Any
 from fingerlab.core.progress import Progress, Watch
 from fingerlab.core.text import decimals_for, fixed, percent, printed, score_text, screen_unit
 from fingerlab.diagnosis.answer.results import Candidate, Diagnosis, ExcludedByMotion, ScorePart
+from fingerlab.diagnosis.settings import LACK_OF_FIT
 from fingerlab.report.diagnosis_words import (
     FAMILY_TITLES,
     PHASE_WORDS,
@@ -202,9 +203,32 @@ def aside_sentence(diagnosis: Diagnosis) -> str:
     return " ".join(sentences)
 
 
+def loose_sentence(diagnosis: Diagnosis) -> str:
+    """Why the cable's length may be many floors off where the whole is near the floor; empty where it is not.
+
+    A family's error counts every sample in full, the score hardly those at which the cable may hang loose.
+    """
+    error = diagnosis.errors.get("cable_kinematics")
+    loose = [one for one in diagnosis.run_shares if one.equation == "cable_kinematics" and one.left_aside > 0]
+    near = diagnosis.score**2 - 1.0 <= LACK_OF_FIT
+    if error is None or not (loose and near and error.rmse > FAR_ABOVE * diagnosis.score * error.floor):
+        return ""
+    worst = max(loose, key=lambda one: one.squared)
+    return (
+        "The cable's length is that far off where the cable may hang loose, as for "
+        f"{percent(worst.left_aside, counted=True)} of run {worst.run}: its row counts these moments in "
+        "full, the error over all equations by 0.1 mm or not at all."
+    )
+
+
+FAR_ABOVE = 2.0
+"""Times the error over all equations, in floors, from which on a family's own calls for a word; assumed."""
+
+
 def score_words(diagnosis: Diagnosis) -> str:
-    """Both sentences."""
-    return " ".join(filter(None, (score_sentence(diagnosis), aside_sentence(diagnosis))))
+    """All three sentences."""
+    said = score_sentence(diagnosis), loose_sentence(diagnosis), aside_sentence(diagnosis)
+    return " ".join(filter(None, said))
 
 
 OTHERS_SHARE = 0.6

@@ -6,9 +6,10 @@ from dataclasses import replace
 
 import pytest
 
-from fingerlab.diagnosis.answer.results import Diagnosis, PathStep
+from fingerlab.diagnosis.answer.results import Diagnosis, EquationError, PathStep, RunShare
 from fingerlab.diagnosis.score.calibration import CalibratedAnswer
 from fingerlab.report.diagnosis_words import next_experiment_words, set_sentence, verdict_sentence
+from fingerlab.report.score_words import loose_sentence
 from fingerlab.ui.lab.result_words import set_words
 
 
@@ -88,3 +89,18 @@ def test_an_effect_has_one_name_as_it_was_found(alike) -> None:
     for said in (verdict_sentence(named), set_sentence(named), set_words(named)):
         assert lower in said
         assert "ripple" not in said
+
+
+def test_a_cable_that_hung_loose_is_said_beside_its_row(nothing) -> None:
+    """11 um of a cable whose floor is 1.6: near the floor over all, because slack hardly counts."""
+    loose = RunShare("s.h5", "006", "on_air", "extension", "cable_kinematics", 0.07, 0.068, 0.05, 0.1)
+    taut = replace(loose, run="005", left_aside=0.33, squared=0.001)
+    errors = {"cable_kinematics": EquationError("m", 11e-6, 0.99996, 1.6e-6)}
+    told = replace(nothing, score=1.08, errors=errors, run_shares=(taut, loose))
+    assert loose_sentence(told).startswith(
+        "The cable's length is that far off where the cable may hang loose, as for 7 % of run 006: its "
+    )
+    assert loose_sentence(replace(told, score=30.0)) == ""  # there something is missing
+    assert loose_sentence(replace(told, run_shares=(replace(loose, left_aside=0.0),))) == ""
+    small = {"cable_kinematics": EquationError("m", 1.7e-6, 0.99996, 1.6e-6)}
+    assert loose_sentence(replace(told, errors=small)) == ""

@@ -27,6 +27,7 @@ from fingerlab.report.diagnosis_words import (
     paired_sentence,
     rivalled,
 )
+from fingerlab.report.score_words import loose_sentence
 from fingerlab.sessions.model import Session
 
 from ..app.context import ApplicationContext
@@ -200,7 +201,8 @@ class ValidationPanel(QWidget):
         second = (
             " The fit has seen it: only a second run shows whether that holds." if alone(diagnosis) else ""
         )
-        self.held_out.setText(f"{misses}{before if names else ''}.{second}{_force_words(history)}")
+        loose = f" {loose_sentence(diagnosis)}".rstrip()
+        self.held_out.setText(f"{misses}{before if names else ''}.{second}{_force_words(history)}{loose}")
         self.next.setText(
             " ".join(
                 filter(
