@@ -62,6 +62,9 @@ IMPROBABLE = 0.01
 """Probability, as it is told, up to which an effect that is not ruled out is named apart from those that are
 like each other; assumed."""
 
+TWICE, TENTH = 2.0, 0.1
+"""... and so is one that leaves so many times the error of the likeliest, and is so much less probable."""
+
 NO_CHANCE = 0.005
 """Probability that is told as "< 1 %": no run is proposed for it."""
 
@@ -190,9 +193,9 @@ def floor_sentence(diagnosis: Diagnosis) -> str:
     if diagnosis.repeats:
         return ""
     return (
-        "No motion in these runs comes again. The floor is therefore what a law of the measured state leaves "
-        "that knows no physics, beside the best model or alone: it bounds the noise, and a sine of a few "
-        "cycles would tell it."
+        "No motion in these runs comes again, so that the floor is an estimate: what the best model leaves, "
+        "or where that is less an all-purpose fit that knows no physics. The noise is at most that; a sine "
+        "of a few cycles would tell it."
     )
 
 
@@ -228,6 +231,11 @@ def _verdict_sentence(diagnosis: Diagnosis) -> str:
             )
         if not holds(diagnosis):
             return f"No effect is shown to be missing from {model} ({chance} probable), although {error}."
+        if unsure(diagnosis):
+            return (
+                f"No effect is shown to be missing from {model}, but that none is has a probability of only "
+                f"{chance}: {error}."
+            )
         seen = " that these data could show" if not_shown(diagnosis) else ""
         return (
             f"{more} is missing from {model}{seen} ({chance} probable): {error}, and 1 is the best that "
@@ -273,17 +281,25 @@ def unexplained_words(diagnosis: Diagnosis) -> str:
 
 
 def indistinguishable(diagnosis: Diagnosis) -> tuple[str, ...]:
-    """Of the effects that cannot be ruled out, the likeliest and those that are not improbable beside it."""
-    sure = {one.effect: one.probability for one in diagnosis.candidates}
-    return tuple(
-        name
-        for k, name in enumerate(diagnosis.set)
-        if k == 0 or round(100 * sure.get(name, 1.0)) > 100 * IMPROBABLE
-    )
+    """Of the effects that cannot be ruled out, the likeliest and those that are nearly as good as it.
+
+    What is improbable, or a tenth as likely and leaves twice the error, could be told from it.
+    """
+    judged = {one.effect: one for one in diagnosis.candidates}
+    first = judged.get(diagnosis.set[0]) if diagnosis.set else None
+    if first is None:
+        return diagnosis.set
+
+    def alike(name: str) -> bool:
+        one = judged.get(name, first)
+        poor = one.score > TWICE * first.score and one.probability < TENTH * first.probability
+        return round(100 * one.probability) > 100 * IMPROBABLE and not poor
+
+    return (first.effect, *filter(alike, diagnosis.set[1:]))
 
 
 def improbable_rivals(diagnosis: Diagnosis) -> tuple[str, ...]:
-    """Effects that cannot be ruled out although they are improbable beside the others of the set."""
+    """Effects that cannot be ruled out although they are improbable, or leave much more than the others."""
     return tuple(name for name in diagnosis.set if name not in indistinguishable(diagnosis))
 
 
@@ -293,6 +309,15 @@ def could_hide(diagnosis: Diagnosis) -> Candidate | None:
         return None
     likeliest = max(diagnosis.candidates, key=lambda one: one.probability)
     return likeliest if likeliest.probability > diagnosis.probability_nothing else None
+
+
+def unsure(diagnosis: Diagnosis) -> bool:
+    """Whether nothing is missing by the verdict, and that is less probable than that something is."""
+    return diagnosis.verdict == "nothing_missing" and diagnosis.probability_nothing < EVEN
+
+
+EVEN = 0.5
+"""Probability from which on an answer is likelier than all others together."""
 
 
 def holds(diagnosis: Diagnosis) -> bool:
@@ -384,9 +409,8 @@ def set_sentence(diagnosis: Diagnosis) -> str:
         same = called_in_sentence(diagnosis, alike)
         text = f"These data cannot tell apart {same}." if len(alike) > 1 else ""
         if others:
-            each = "each at most" if len(others) > 1 else "at most"
-            text += f"{' ' if text else ''}Improbable, {each} {percent(IMPROBABLE)}, but not ruled out: "
-            text += f"{called_in_sentence(diagnosis, others)}."
+            named = listed(_judged(diagnosis, others))
+            text = " ".join(filter(None, (text, f"Less likely, but not ruled out: {named}.")))
         return (
             f"{text} The one that is truly missing is meant to be among these {len(diagnosis.set)} in 95 % "
             f"of such cases.{besides}"
@@ -399,6 +423,15 @@ def set_sentence(diagnosis: Diagnosis) -> str:
     if worth_adding(diagnosis):
         return "What is left is of no effect of the catalogue, so there is nothing to tell apart."
     return "No effect of the catalogue is justified, so there is nothing to tell apart."
+
+
+def _judged(diagnosis: Diagnosis, effects: Sequence[str]) -> list[str]:
+    """Effects with their probability and the error that they leave: ``cable stretch (1 %, 12.3 floors)``."""
+    by_id = {one.effect: one for one in diagnosis.candidates}
+    return [
+        f"{in_sentence(one.title)} ({percent(one.probability)}, {score_text(one.score)} floors)"
+        for one in (by_id[name] for name in effects if name in by_id)
+    ]
 
 
 def _outcomes_left_open(diagnosis: Diagnosis) -> str:

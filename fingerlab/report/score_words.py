@@ -221,13 +221,28 @@ def loose_sentence(diagnosis: Diagnosis) -> str:
     )
 
 
+def below_sentence(diagnosis: Diagnosis) -> str:
+    """Why the whole is at the floor where every family is below it; empty where none is, or one is not."""
+    times = [one.rmse / one.floor for one in diagnosis.errors.values() if one.floor > 0]
+    if not times or max(times) > CLEARLY_BELOW:
+        return ""
+    return "What is below its floor counts as 1: a floor is no less than what a bench could ever read."
+
+
+CLEARLY_BELOW = 0.9
+"""Times the floor; above it rounding alone tells 1 from it."""
 FAR_ABOVE = 2.0
 """Times the error over all equations, in floors, from which on a family's own calls for a word; assumed."""
 
 
 def score_words(diagnosis: Diagnosis) -> str:
-    """All three sentences."""
-    said = score_sentence(diagnosis), loose_sentence(diagnosis), aside_sentence(diagnosis)
+    """All of these sentences."""
+    said = (
+        score_sentence(diagnosis),
+        below_sentence(diagnosis),
+        loose_sentence(diagnosis),
+        aside_sentence(diagnosis),
+    )
     return " ".join(filter(None, said))
 
 

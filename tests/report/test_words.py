@@ -33,8 +33,10 @@ def test_nothing_can_be_all_that_is_missing_only_near_the_floor(alike, score, co
 @pytest.mark.parametrize(("chance", "apart"), [(0.004, True), (0.009, True), (0.0149, True), (0.016, False)])
 def test_what_is_told_with_one_in_a_hundred_is_not_said_to_be_below_it(alike, chance, apart) -> None:
     first, second, third = alike.candidates
-    text = set_sentence(replace(alike, candidates=(first, replace(second, probability=chance), third)))
-    assert ("Improbable, at most 1 %, but not ruled out: cable stretch." in text) is apart
+    second = replace(second, probability=chance, score=2.1)  # of 1.1: nearly as good
+    text = set_sentence(replace(alike, candidates=(first, second, third)))
+    told = "1 %" if chance > 0.005 else "< 1 %"
+    assert (f"Less likely, but not ruled out: cable stretch ({told}, 2.10 floors)." in text) is apart
     assert ("cannot tell apart Coulomb joint friction and cable stretch" in text) is not apart
 
 
@@ -48,7 +50,30 @@ def test_a_headline_names_only_what_is_probable(alike) -> None:
     assert (
         "(98 % probable), and these data cannot tell which: Coulomb joint friction and cable stretch;" in said
     )
-    assert "Improbable, at most 1 %, but not ruled out: tilted base." in set_sentence(three)
+    assert "Less likely, but not ruled out: tilted base (1 %, 12.4 floors)." in set_sentence(three)
+
+
+def test_what_leaves_twice_the_error_is_not_called_alike(alike) -> None:
+    """Of 50 %, 3 % that leaves 12.3 floors for 1.10 could be told from it; 48 % could not."""
+    assert "cannot tell apart" in set_sentence(alike)
+    first, second, third = alike.candidates
+    poor = replace(alike, candidates=(first, replace(second, probability=0.03), third))
+    apart = "Less likely, but not ruled out: cable stretch (3 %, 12.3 floors). The one that is truly missing"
+    assert set_sentence(poor).startswith(apart)
+    assert verdict_sentence(poor).startswith("Coulomb joint friction is missing from the nominal model (50 %")
+    near = replace(alike, candidates=(first, replace(second, probability=0.03, score=2.1), third))
+    assert "cannot tell apart" in set_sentence(near)
+
+
+def test_nothing_is_not_said_to_be_missing_where_that_is_the_lesser_part(unseen) -> None:
+    doubtful = replace(unseen, probability_nothing=0.35)
+    assert verdict_sentence(doubtful).startswith(
+        "No effect is shown to be missing from the nominal model, but that none is has a probability of only "
+        "35 %: its error"
+    )
+    assert verdict_sentence(unseen).startswith(
+        "Nothing is missing from the nominal model that these data could"
+    )
 
 
 def test_what_a_path_explains_is_said_before_what_nothing_explains(unknown) -> None:

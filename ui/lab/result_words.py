@@ -16,7 +16,6 @@ from fingerlab.diagnosis.answer.results import (
     Failure,
 )
 from fingerlab.report.diagnosis_words import (
-    IMPROBABLE,
     NOTHING_WORDS,
     PHASE_WORDS,
     UNKNOWN_WORDS,
@@ -35,6 +34,7 @@ from fingerlab.report.diagnosis_words import (
     not_shown,
     on_the_path,
     rivalled,
+    unsure,
     worth_adding,
     would_show,
 )
@@ -173,6 +173,9 @@ def _verdict(diagnosis: Diagnosis) -> str:
         if hider is not None:
             chance = percent(hider.probability).replace(" ", NO_BREAK)
             return f"No effect is shown to be missing; {in_sentence(hider.title)} could hide, {chance}"
+        if unsure(diagnosis):
+            chance = percent(diagnosis.probability_nothing).replace(" ", NO_BREAK)
+            return f"No effect is shown to be missing; that none is, {chance}"
         seen = " that these data could show" if not_shown(diagnosis) else ""
         return f"{'Nothing more' if diagnosis.model else 'Nothing'} is missing{seen}"
     if diagnosis.verdict == UNKNOWN:
@@ -213,7 +216,7 @@ def _set_words(diagnosis: Diagnosis) -> str:
         return f"{text} The proposed run would show {_named(diagnosis, shown)}." if shown else text
     titles = [in_sentence(called(diagnosis, name)) for name in indistinguishable(diagnosis)]
     others = [in_sentence(called(diagnosis, name)) for name in improbable_rivals(diagnosis)]
-    also = f"At most {percent(IMPROBABLE)}, but not ruled out: {listed(others)}." if others else ""
+    also = f"Less likely, but not ruled out: {listed(others)}." if others else ""
     if also and len(titles) < 2:
         return also
     if diagnosis.better is not None and len(titles) < 2:
@@ -274,7 +277,7 @@ def _runs(diagnosis: Diagnosis) -> str:
 def _holds_words(diagnosis: Diagnosis) -> str:
     if alone(diagnosis):
         return "of this one run"
-    if could_hide(diagnosis) is not None:
+    if could_hide(diagnosis) is not None or unsure(diagnosis):
         return "perhaps, an effect could hide"
     return "yes, as far as seen" if not_shown(diagnosis) else "yes, on held-out runs"
 
@@ -291,6 +294,9 @@ def step_results(diagnosis: Diagnosis, history: ModelHistory) -> dict[str, str]:
     elif (hider := could_hide(diagnosis)) is not None:
         chance = percent(hider.probability).replace(" ", NO_BREAK)
         results["missing"] = f"none shown; {in_sentence(hider.title)} could hide, {chance}"
+    elif unsure(diagnosis):
+        chance = percent(diagnosis.probability_nothing).replace(" ", NO_BREAK)
+        results["missing"] = f"none shown; that none is, {chance}"
     else:
         seen = " that they could show" if not_shown(diagnosis) else ""
         results["missing"] = f"{'nothing more' if history.now.added else 'nothing'}{seen}"

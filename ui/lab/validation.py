@@ -26,6 +26,7 @@ from fingerlab.report.diagnosis_words import (
     on_the_path,
     paired_sentence,
     rivalled,
+    unsure,
 )
 from fingerlab.report.score_words import loose_sentence
 from fingerlab.sessions.model import Session
@@ -185,7 +186,7 @@ class ValidationPanel(QWidget):
             self.title.setText("Perhaps true: another model is as good")
         elif holds(diagnosis) and alone(diagnosis):
             self.title.setText("True of this one run, which the fit has seen")
-        elif holds(diagnosis) and could_hide(diagnosis) is not None:
+        elif holds(diagnosis) and (could_hide(diagnosis) is not None or unsure(diagnosis)):
             self.title.setText("Perhaps true: an effect could hide")
         elif holds(diagnosis):
             self.title.setText("True, as far as these recordings can show")
