@@ -81,19 +81,31 @@ def final_equation(
             _cable_part(rig.motor, found, "x" in adds),
         ]
     of_effects = [list(_effect_values(o, found, (found_with or {}).get(o.effect.id, {}))) for o in chosen]
-    values = [*_model_values(found), *_distinct(chosen, of_effects)]
+    titles = [_title(one, finger is None) for one in chosen]
+    values = [*_model_values(found), *_distinct(titles, of_effects)]
     if len(chosen) > 1:
         last = parts[-1]
         parts[-1] = replace(last, note=f"{last.note} {ADDED_UP}".strip())
-    return FinalEquation((*parts, *map(_effect_part, chosen)), tuple(values), finger is not None)
+    of_chosen = map(_effect_part, chosen, titles)
+    return FinalEquation((*parts, *of_chosen), tuple(values), finger is not None)
 
 
-def _distinct(chosen: Sequence[ChosenEffect], of_effects: Sequence[Sequence[Value]]) -> Iterator[Value]:
-    """The effects' values; where two effects call a value the same, each says whose it is."""
+def _title(one: ChosenEffect, on_bench: bool) -> str:
+    """What the effect is called as it was found."""
+    named = one.effect.title_of_an_axis
+    return named(one.shape) if on_bench and named is not None else one.effect.title
+
+
+def _distinct(owners: Sequence[str], of_effects: Sequence[Sequence[Value]]) -> Iterator[Value]:
+    """The effects' values; where two effects call a value the same, each says whose it is.
+
+    Args:
+        owners: titles of the effects.
+    """
     titles = [value.title for values in of_effects for value in values]
-    for one, values in zip(chosen, of_effects, strict=True):
+    for owner, values in zip(owners, of_effects, strict=True):
         for value in values:
-            whose = f" ({in_sentence(one.effect.title)})" if titles.count(value.title) > 1 else ""
+            whose = f" ({in_sentence(owner)})" if titles.count(value.title) > 1 else ""
             yield replace(value, title=value.title + whose)
 
 
@@ -282,13 +294,13 @@ def _bench_part(found: Mapping[str, ParameterEstimate], with_effect: bool) -> Eq
     return EquationPart("Torque of the motor", (line,), note)
 
 
-def _effect_part(one: ChosenEffect) -> EquationPart:
+def _effect_part(one: ChosenEffect, title: str) -> EquationPart:
     formula = one.effect.formula
     if formula is None:
-        return EquationPart(one.effect.title, (), "An effect of your own; its terms stand in its own file.")
+        return EquationPart(title, (), "An effect of your own; its terms stand in its own file.")
     text = formula.equation.replace(r"\begin{align*}", "").replace(r"\end{align*}", "")
     lines = tuple(line.replace("&", "").strip() for line in text.split(r"\\"))
-    return EquationPart(one.effect.title, lines, re.sub(r"\[([^]]+)\]\([^)]+\)", r"\1", formula.symbols))
+    return EquationPart(title, lines, re.sub(r"\[([^]]+)\]\([^)]+\)", r"\1", formula.symbols))
 
 
 _MODEL_SYMBOLS = {

@@ -108,8 +108,8 @@ EQUATION_TEXTS = {
         "Motor",
         "Motor torque",
         "motor_torque",
-        "Torque at the gearbox output, N m.\n"
-        "Measured: torque constant × gear ratio × current.\n"
+        "Torque of the motor at its output, N m.\n"
+        "Measured: as it was logged, or torque constant × gear ratio × current.\n"
         "Modelled: J·acceleration + gain·load + offset.",
     ),
 }

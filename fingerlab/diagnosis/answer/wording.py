@@ -335,7 +335,9 @@ def would_have_shown(fitted: FittedModel, effect: Effect, least: float) -> str:
         for key, strength in fitted.sensitivity.strengths.items()
         if least * strength <= MOST_NAMED * max(abs(gains[key].high), abs(gains[key].low))
     ]
-    return " and ".join(said) if len(said) == len(fitted.sensitivity.strengths) else ""
+    if len(said) != len(fitted.sensitivity.strengths):
+        return ""
+    return " and ".join((", ".join(said[:-1]), said[-1]) if len(said) > 1 else said)
 
 
 def _amount(value: float, unit: str) -> str:
