@@ -198,6 +198,7 @@ class Effect:
         shapes: grid of the nonlinear unknowns; each point is a mapping name -> value.
         shape_units: unit of each nonlinear unknown; what ``shapes`` holds beyond these are switches, 0 or 1.
         shapes_seen: what recordings of the motor alone suggest in place of ``shapes``, from their motions.
+        switches_seen: what those hold beyond ``shapes``.
         closer: shapes around one that was found, finer than the grid, and of other laws of the same physics
             (what these name beyond the grid's shapes is 0 where it is missing); tried by grid refinement.
         phases: phases of a run in which it can act; empty means all.
@@ -233,6 +234,7 @@ class Effect:
     shapes: Sequence[Shape] = ({},)
     shape_units: Mapping[str, str] = field(default_factory=dict)
     shapes_seen: Callable[[Sequence[Motion]], Sequence[Shape]] | None = None
+    switches_seen: tuple[str, ...] = ()
     closer: Closer = as_found
     phases: tuple[str, ...] = ()
     cables: tuple[str, ...] = ()

@@ -128,6 +128,7 @@ EFFECT = Effect(
     shapes=tuple({"order": float(n)} for n in RIPPLE_ORDERS),
     shape_units={"order": "1/turn"},
     shapes_seen=orders_seen,
+    switches_seen=(WEIGHT,),
     closer=_closer,
     bench=True,
     formula=Formula(

@@ -80,6 +80,17 @@ OF_A_FINGER = re.compile(
 )
 
 
+def test_a_saved_model_with_a_link_can_be_compared(tmp_path, capsys):
+    """What was saved is known again, and a machine that presses on nothing has no columns of a force."""
+    session = imported(tmp_path, capsys, lambda q, v, a: 0.3 * a + 5.0 * np.sin(q) + 0.6 * np.sign(v))
+    model = tmp_path / "m.json"
+    told(session, capsys, "--save", model)
+    code, out, err = run_main(["compare", session, "--model", model], capsys)
+    assert code == 0, err
+    assert "torque_ripple" in out
+    assert "force" not in out
+
+
 def laws() -> dict[str, Law]:
     """One for each kind of answer: nothing, an effect, several, and what no effect tells."""
     return {
