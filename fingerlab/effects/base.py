@@ -197,8 +197,9 @@ class Effect:
         mend: what on the bench makes it smaller, a sentence.
         shapes: grid of the nonlinear unknowns; each point is a mapping name -> value.
         shape_units: unit of each nonlinear unknown; what ``shapes`` holds beyond these are switches, 0 or 1.
-        shapes_seen: what recordings of the motor alone suggest in place of ``shapes``, from their motions.
-        switches_seen: what those hold beyond ``shapes``.
+        shapes_seen: what recordings of the motor alone suggest in place of ``shapes``, from their motions;
+            these may name unknowns that ``shapes`` does not.
+        switches_seen: switches that they may hold beyond ``shapes``.
         closer: shapes around one that was found, finer than the grid, and of other laws of the same physics
             (what these name beyond the grid's shapes is 0 where it is missing); tried by grid refinement.
         phases: phases of a run in which it can act; empty means all.
@@ -269,7 +270,8 @@ class Effect:
         linear = [
             replace(one, name=name, symbol=symbols.get(name, "")) for name, one in self.unknowns.items()
         ]
-        return (*linear, *(self._shape(name, symbols.get(name, "")) for name in self.shape_units))
+        shaped = [name for name in self.shape_units if all(name in shape for shape in self.shapes)]
+        return (*linear, *(self._shape(name, symbols.get(name, "")) for name in shaped))
 
     @property
     def unknowns(self) -> dict[str, Parameter]:

@@ -292,9 +292,12 @@ def parameters(fitted: FittedModel, effect: Effect, temperature: float) -> dict[
         high = min(gain.high, value + Z90 * spread[key])
         result[name] = _estimate_in_si(fitted, gain.unit, value, low, high)
     choice = next(c for c in fitted.choices if c.effect is effect)
+    shape = effect.shapes[choice.shape]
     for name, unit in effect.shape_units.items():
-        grid = sorted({float(s[name]) for s in effect.shapes})
-        value = float(effect.shapes[choice.shape][name])
+        if name not in shape:
+            continue
+        grid = sorted({float(s[name]) for s in effect.shapes if name in s})
+        value = float(shape[name])
         at = grid.index(value)
         result[name] = _estimate_in_si(
             fitted, unit, value, grid[max(at - 1, 0)], grid[min(at + 1, len(grid) - 1)]
