@@ -55,6 +55,7 @@ from fingerlab.diagnosis.score.evidence import (
     undetectable,
 )
 from fingerlab.diagnosis.score.fitted_model import FittedModel, at_found_shapes, paired_score
+from fingerlab.diagnosis.score.floors import noise_below_floor
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.score.selection import justified, lacks_fit
 from fingerlab.diagnosis.search.exchange import ExchangedModel, odds_of_rivals
@@ -144,6 +145,7 @@ def diagnose(
         found = search_effects(question, scorer)
         if lacks_fit(found.path[-1], NEARLY_RIGHT):
             found = searched_again(question, scorer, found)
+        found = searched_below_floor(question, found)
         return _answer(question, found, display, started)
 
 
@@ -169,9 +171,9 @@ def settle_constants(reduction: Reduction, scorer: Scorer) -> Scorer:
     They are looked for once, under the bare model, whatever effects are given.
     """
     if scorer.reduced.on_bench and not (reduction.settled or reduction.late_torque):
-        reduction.late_torque = torque_is_late(reduction, scorer)
+        reduction.late_torque = torque_is_late(reduction, scorer.with_late_told())
     if reduction.late_torque:
-        scorer = scorer.with_late_torque()
+        scorer = scorer.with_late_told().with_late_torque()
     if reduction.constants is None and not reduction.settled:
         free = Scorer(replace(scorer.reduced, held={})) if scorer.reduced.held else scorer
         bare, rig = free.bare, reduction.sessions[0].rig
@@ -196,15 +198,14 @@ def torque_is_late(reduction: Reduction, scorer: Scorer) -> bool:
     lagging = late.score_held_out(late.fit_reweighted([], bare))
     place = lagging.model.index[TORQUE_LAG]
     lag, most = float(lagging.fit.values[place]), float(lagging.model.high[place])
-    usual = lagging.model.unknowns[place].parameter.typical
     if not lagging.misfit < (1.0 - LAG_SHARE) * bare.misfit:
         return False
     if lag < 0.0:
         return True
-    if not usual < lag < 0.99 * most:
+    if lag >= 0.99 * most:
         return False
     rubs = effect(LIKE_A_LAG)  # also where it is not asked for, or left out of the catalogue
-    beside = Scorer(reduction.refined([rubs]))
+    beside = Scorer(replace(reduction.refined([rubs]), late_is_no_noise=True))
     rubbing = beside.score_held_out(beside.fit_reweighted([Choice(rubs)], bare))
     return rubbing.misfit - lagging.misfit > 2.0 * DECIDING_LOG_ODDS
 
@@ -246,6 +247,17 @@ def searched_again(question: Question, scorer: Scorer, found: Found) -> Found:
         return other
     reduction.constants = before
     return found
+
+
+def searched_below_floor(question: Question, found: Found) -> Found:
+    """The search where what passed for noise is mostly none; see ``noise_below_floor``."""
+    reduction, scorer = question.reduction, found.scorer
+    last = found.refined or scorer, found.path[-1]
+    reduction.torque_noise = noise_below_floor(reduction, (scorer, found.path[0]), last)
+    if not reduction.torque_noise.told_by:
+        return found
+    again = Scorer(reduction.of(question.catalogue))
+    return search_effects(question, settle_constants(reduction, again))
 
 
 def zero_is_confounded(runs: Sequence[Run]) -> bool:
@@ -355,6 +367,7 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
         paired=_paired(question.reduction, scorer, evidence, chosen),
         held=dict(reduction.held),
         constants=reduction.constants,
+        torque_noise=reduction.torque_noise,
         fitted=evidence.base,
         last=path[-1],
         bench=bench_findings(reduction, path[-1], by_last.run_offsets(path[-1])),

@@ -35,6 +35,7 @@ TITLES = {
     "bench_offset": ("Offset of the torque", "N m"),
     "bench_trace": ("Trace of viscous friction", "N m s/rad"),
     "bench_lag": ("Torque logged late by", "s"),
+    "bench_lag_square": ("Second order of the torque's lag", "s^2"),
     "proximal_mass": ("Proximal mass, off by", "%"),
     "distal_mass": ("Distal mass, off by", "%"),
     "mcp_stiffness": ("MCP stiffness, off by", "%"),

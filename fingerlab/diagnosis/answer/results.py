@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass, field
 from math import sqrt
 from typing import TYPE_CHECKING, Any, Literal
 
+from fingerlab.diagnosis.gram.state_law import ALL_NOISE, TorqueNoise
 from fingerlab.effects.base import Row
 from fingerlab.models.file import ParameterEstimate
 from fingerlab.sessions.model import Array
@@ -467,7 +468,8 @@ class Diagnosis:
     ``budget``: what the error of each family of equations is made of.
     ``titles``: what effects of the model as given, and of the path's end, are called as found, by id.
     ``fitted``: the model as given, as it was fitted; ``last``: the one at the end of the path.
-    ``constants``: that every run has of its own; None: none were found.
+    ``constants``: that every run has of its own; None: none were found. ``torque_noise``: how much
+    is noise of what no law of the state tells of a motor's torque; the rest follows the past, or the run.
     """
 
     sessions: tuple[str, ...]
@@ -507,6 +509,7 @@ class Diagnosis:
     fitted: FittedModel | None = field(default=None, repr=False, compare=False)
     last: FittedModel | None = field(default=None, repr=False, compare=False)
     constants: RunConstants | None = field(default=None, repr=False, compare=False)
+    torque_noise: TorqueNoise = field(default=ALL_NOISE, repr=False, compare=False)
 
     def to_json(self) -> dict[str, Any]:
         """The object that ``diagnose --json`` writes, ready for ``json.dumps``."""
