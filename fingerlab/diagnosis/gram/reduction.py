@@ -256,8 +256,8 @@ class Reduction:
         # Missing noise is filled in by whoever asks.
         groups = [replace(g) for g in known.groups]
         layout = replace(known.layout, late_torque=self.late_torque)
-        of_now = {"constants": self.constants, "held": self.held, "torque_noise": self.torque_noise}
-        return replace(known, layout=layout, groups=groups, **of_now)
+        known = replace(known, constants=self.constants, held=self.held, torque_noise=self.torque_noise)
+        return replace(known, layout=layout, groups=groups)
 
     def shown(self, effects: Sequence[Effect], keep: Keep) -> None:
         """Show ``keep`` every segment as it passes, with the columns of few effects, formed anew."""
@@ -374,8 +374,8 @@ class Reduction:
         radius = 1.0 if self._on_bench else pairs[0][0].rig.motor.pulley_radius or 1.0
         changed = tuple(self._changed_pairs(runs, effects, each, whole.signal_count))
         every = list(groups.values())
-        of_now = self.constants, self.held, changed, self.torque_noise
-        return Reduced(whole, every, self._on_bench, radius, *of_now)
+        now = self.constants, self.held, changed, self.torque_noise
+        return Reduced(whole, every, self._on_bench, radius, *now)
 
     def _changed_pairs(
         self, runs: Sequence[Run], effects: Sequence[Effect], asked: Sequence[Asked], size: int

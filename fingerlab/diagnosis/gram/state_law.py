@@ -197,7 +197,7 @@ def _left_by_own_laws(runs: Sequence[Sequence[Array]]) -> float:
 
 def torque_variance(runs: Sequence[Sequence[Array]]) -> float:
     """Variance of the torque about its mean, (N m)^2, of products over blocks of each run."""
-    products = sum(sum(blocks[1:], blocks[0]) for blocks in runs if blocks)
+    products = np.sum([block for blocks in runs for block in blocks], axis=0)
     count = max(float(products[0, 0]), 1.0)
     return float(products[-1, -1]) / count - (float(products[0, -1]) / count) ** 2
 
