@@ -245,7 +245,7 @@ def _verdict_sentence(diagnosis: Diagnosis) -> str:
         chance = percent(diagnosis.probability_unknown)
         return (
             f"Something is missing from {model} that is not in the catalogue ({chance} probable): {error}"
-            f"{_explained_in_part(diagnosis)}{unexplained_words(diagnosis)}."
+            f"{_explained_in_part(diagnosis)}{unexplained_words(diagnosis)}.{kind_of_unknown(diagnosis)}"
         )
     best = shown_best_first(diagnosis)[0]
     several = len(indistinguishable(diagnosis)) > 1
@@ -263,6 +263,23 @@ def _verdict_sentence(diagnosis: Diagnosis) -> str:
         )
     title, chance = in_sentence(best.title), percent(best.probability)
     return f"{title[:1].upper()}{title[1:]} is missing from {model} ({chance} probable): {fall}."
+
+
+def kind_of_unknown(diagnosis: Diagnosis) -> str:
+    """What kind of cause it is that no law of a motor's state tells; empty where nothing says so."""
+    told = diagnosis.torque_noise
+    share = percent(1.0 - told.share)
+    if told.told_by == "memory":
+        return (
+            f" It depends on what came before: a law with memory tells {share} of what no law of angle, speed, "
+            "acceleration and load does, as of a transmission that winds up, play, or a stop that is reached."
+        )
+    if told.told_by == "runs":
+        return (
+            f" It differs from run to run: a law of each run's own tells {share} of what no law of all runs "
+            "does, as of a mass, a friction or a gain that was another one."
+        )
+    return ""
 
 
 def _explained_in_part(diagnosis: Diagnosis) -> str:

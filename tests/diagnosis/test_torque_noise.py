@@ -10,6 +10,7 @@ import pytest
 
 from fingerlab.diagnosis import diagnose
 from fingerlab.diagnosis.answer.results import Diagnosis
+from fingerlab.report.diagnosis_words import verdict_sentence
 from fingerlab.rig.file import Motor, Rig
 from fingerlab.sessions.model import Run, Session
 
@@ -84,13 +85,18 @@ def test_viscous_friction_is_no_late_torque() -> None:
 
 
 @pytest.mark.parametrize(
-    ("impedance", "told_by"), [(wound_up, "memory"), (loaded, "runs")], ids=["elastic", "another mass"]
+    ("impedance", "told_by", "words"),
+    [(wound_up, "memory", "It depends on what came before"), (loaded, "runs", "It differs from run to run")],
+    ids=["elastic", "another mass"],
 )
-def test_what_has_memory_or_differs_by_run_is_no_noise(impedance: Impedance, told_by: str) -> None:
+def test_what_has_memory_or_differs_by_run_is_no_noise(
+    impedance: Impedance, told_by: str, words: str
+) -> None:
     found = told(steady(impedance))
     assert found.verdict == "not_in_catalogue"
     assert found.torque_noise.told_by == told_by
     assert found.score > 3.0
+    assert words in verdict_sentence(found)
 
 
 @pytest.mark.parametrize("noise", [0.02, 0.3])
