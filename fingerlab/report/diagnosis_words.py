@@ -271,8 +271,8 @@ def kind_of_unknown(diagnosis: Diagnosis) -> str:
     share = percent(1.0 - told.share)
     if told.told_by == "memory":
         return (
-            f" It depends on what came before: a law with memory tells {share} of what no law of angle, speed, "
-            "acceleration and load does, as of a transmission that winds up, play, or a stop that is reached."
+            f" It depends on what came before: a law with memory tells {share} of what no law of angle, "
+            "speed, acceleration and load does, as of a transmission that winds up, or has play."
         )
     if told.told_by == "runs":
         return (
