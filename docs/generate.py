@@ -127,7 +127,8 @@ def _unknowns(effect: Effect) -> Iterator[str]:
         yield '"Typical" is a strength that would matter; it scales the fit and its prior.'
     if effect.relaxes:
         yield "Every model carries this within a [narrow range](../nuisances.md); the effect sets it free."
-    shapes = {name: sorted({shape[name] for shape in effect.shapes}) for name in effect.shape_units}
+    usual = [name for name in effect.shape_units if all(name in shape for shape in effect.shapes)]
+    shapes = {name: sorted({shape[name] for shape in effect.shapes}) for name in usual}
     if shapes:
         rows = [
             f"| {name.removesuffix('_deg').replace('_', ' ')} | {effect.shape_units[name]} | "

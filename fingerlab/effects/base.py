@@ -17,6 +17,7 @@ term is a column of the modelled side times an unknown gain:
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import InitVar, dataclass, field, fields, replace
 from enum import IntEnum
@@ -270,8 +271,7 @@ class Effect:
         linear = [
             replace(one, name=name, symbol=symbols.get(name, "")) for name, one in self.unknowns.items()
         ]
-        shaped = [name for name in self.shape_units if all(name in shape for shape in self.shapes)]
-        return (*linear, *(self._shape(name, symbols.get(name, "")) for name in shaped))
+        return (*linear, *(self._shape(name, symbols.get(name, "")) for name in self.shape_units))
 
     @property
     def unknowns(self) -> dict[str, Parameter]:
@@ -280,10 +280,15 @@ class Effect:
         return {**self.gains, **free}
 
     def _shape(self, name: str, symbol: str) -> Parameter:
-        values = [float(shape[name]) for shape in self.shapes]
+        values = [float(shape[name]) for shape in self.shapes if name in shape]
+        values = values or [0.0, math.inf]  # only recordings suggest some
         low, high, middle = min(values), max(values), values[len(values) // 2]
         unit = self.shape_units[name]
         return Parameter(unit, low, high, middle, "tried", "", name, middle, Role.SHAPE, symbol)
+
+    def law_at(self, shape: int) -> frozenset[str]:
+        """Nonlinear unknowns of a point of ``shapes``, by its number; what has others is another law."""
+        return frozenset(self.shape_units.keys() & self.shapes[shape].keys() if len(self.shapes) else ())
 
     def wider(self, names: Sequence[str]) -> Effect:
         """The effect with ten times the range of some of its unknowns, and ten times their usual size."""
@@ -337,6 +342,8 @@ OCTAVE = tuple(2.0 ** (k / 4) for k in range(-4, 5))
 HALF_OCTAVE = OCTAVE[2:-2]
 FINE_OCTAVE = tuple(2.0 ** (k / 8) for k in range(-6, 7))
 """Factors for a travel of degrees, on which much of every cycle depends."""
+FINEST_OCTAVE = tuple(2.0 ** (k / 16) for k in range(-11, 12))
+"""Factors for a speed at which friction turns round: a law that is a tenth off leaves several floors."""
 SPEED_FACTORS = (0.5, 0.7, 1.0, 1.4, 2.0)
 SHARPNESSES = (0.0, 0.5, 1.0)
 """Virgin curves of a friction that builds up (:func:`friction_states.friction_state`): many contacts, parts
@@ -361,20 +368,52 @@ def either(name: str, values: Sequence[float]) -> Closer:
     return lambda shape: [{**shape, name: value} for value in values]
 
 
-def rubbing(factors: Sequence[float] = HALF_OCTAVE, sharpnesses: Sequence[float] = SHARPNESSES) -> Closer:
+REVERSAL_SPEED = "reversal_speed"
+"""Number of a shape, rad/s: friction goes by the speed, as its hyperbolic tangent over this, and nothing
+sticks. So does the friction of many simulators, and of a film of grease; tried for a motor alone."""
+REVERSAL_SPEEDS = (0.01, 0.025, 0.06, 0.15, 0.4)
+ALONE = "alone"
+"""Switch of a shape: friction of a motor alone, that may go by the travel or by the speed."""
+ALONE_TRAVELS_DEG = tuple(0.05 * 2.0 ** (k / 2) for k in range(9))
+"""Of a motor that winds up no cable: from rigid to the wind-up of a gearbox; assumed."""
+
+
+def rubbing(
+    factors: Sequence[float] = HALF_OCTAVE,
+    sharpnesses: Sequence[float] = SHARPNESSES,
+    speed_factors: Sequence[float] = FINEST_OCTAVE,
+) -> Closer:
     """Friction that builds up over other travels and along other virgin curves.
 
     A sharper curve, 1 - (1 - x / (p d))^p with its p nearer to 1, lacks less work behind every reversal:
-    d p / (1 + p). At the same lack it is softer at first, by 1 + 1/p.
+    d p / (1 + p). At the same lack it is softer at first, by 1 + 1/p. What goes by the speed is tried over
+    other speeds.
     """
 
     def around(shape: Shape) -> Sequence[Shape]:
+        if REVERSAL_SPEED in shape:
+            near = times(REVERSAL_SPEED, speed_factors)(shape)
+            return [*near, *by_travel(shape)] if shape.get(ALONE) else near
         even = shape["travel_deg"] / (1.0 + shape.get("sharpness", 0.0))
-        return [
+        near = [
             {**shape, "travel_deg": even * (1.0 + sharpness) * factor, "sharpness": sharpness}
             for sharpness in sharpnesses
             for factor in factors
         ]
+        return [*near, *by_speed(shape)] if shape.get(ALONE) else near
+
+    # Beside other effects the other law may be the right one.
+    def by_travel(shape: Shape) -> list[Shape]:
+        rest = {name: value for name, value in shape.items() if name != REVERSAL_SPEED}
+        return [
+            {**rest, "travel_deg": travel * (1.0 + sharpness), "sharpness": sharpness}
+            for sharpness in sharpnesses
+            for travel in ALONE_TRAVELS_DEG
+        ]
+
+    def by_speed(shape: Shape) -> list[Shape]:
+        rest = {name: value for name, value in shape.items() if name not in ("travel_deg", "sharpness")}
+        return [{**rest, REVERSAL_SPEED: speed} for speed in REVERSAL_SPEEDS]
 
     return around
 

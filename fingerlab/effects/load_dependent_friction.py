@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from fingerlab.effects.base import OCTAVE, Effect, Example, Formula, Row, Shape, Term, rubbing
-from fingerlab.effects.transmission import WINDING_TRAVELS_DEG, drive_terms, winding_state
+from fingerlab.effects.base import OCTAVE, REVERSAL_SPEED, Effect, Example, Formula, Row, Shape, Term, rubbing
+from fingerlab.effects.transmission import WINDING_TRAVELS_DEG, drive_state, drive_terms
 from fingerlab.physics.friction_states import friction_state, rubbing_forces
 from fingerlab.physics.motion import Motion
 from fingerlab.physics.parameter import Parameter
@@ -18,6 +18,12 @@ MOST_SHARE = 0.5
 HELD_TRAVELS_DEG = (0.6, 0.85, 1.2, 1.7)
 """Travel over which teeth that are held slide at a load of REFERENCE_LOAD_NM, degrees at the pulley; assumed:
 the wind-up of a gearbox."""
+
+
+SHAPES = (
+    *({"travel_deg": value, "sharpness": 1.0, "held": 1.0} for value in HELD_TRAVELS_DEG),
+    *({"travel_deg": value, "sharpness": 0.0, "held": 0.0} for value in WINDING_TRAVELS_DEG[::2]),
+)
 
 
 def columns(motion: Motion, shape: Shape) -> list[Term]:
@@ -37,10 +43,10 @@ def columns(motion: Motion, shape: Shape) -> list[Term]:
         load = motion.torque - (motion.motor.inertia or 0.0) * motion.acceleration
         share = min(shape.get(LOAD_SHARE, 0.0), MOST_SHARE)
     load = np.abs(load)
-    way, sharpness = float(np.radians(shape["travel_deg"])), shape.get("sharpness", 0.0)
     if not shape.get("held", 1.0):
-        state = winding_state(motion, shape["travel_deg"], sharpness)
+        state = drive_state(motion, shape)
         return drive_terms(motion, "share", load * state / (1.0 + share * state))
+    way, sharpness = float(np.radians(shape["travel_deg"])), shape.get("sharpness", 0.0)
 
     def stops(position: Array, reaches: Array) -> Array:
         backward = (1.0 + share) / (1.0 - share)
@@ -51,6 +57,8 @@ def columns(motion: Motion, shape: Shape) -> list[Term]:
 
 def _closer(shape: Shape) -> list[Shape]:
     """Around the one found, and where the other law would be looked for."""
+    if REVERSAL_SPEED in shape:
+        return [{**near, "held": 0.0} for near in rubbing()(shape)]
     held = {**shape, "held": 1.0}
     following = {**shape, "held": 0.0}
     if shape.get("held", 1.0):
@@ -86,11 +94,9 @@ EFFECT = Effect(
     reveal="a motor bench with two known loads",
     reveal_of_an_axis="runs under two known loads",
     mend="Grease the gearbox, or choose one with a smaller ratio; less pretension lowers it, too.",
-    shapes=(
-        *({"travel_deg": value, "sharpness": 1.0, "held": 1.0} for value in HELD_TRAVELS_DEG),
-        *({"travel_deg": value, "sharpness": 0.0, "held": 0.0} for value in WINDING_TRAVELS_DEG[::2]),
-    ),
-    shape_units={"travel_deg": "deg"},
+    shapes=SHAPES,
+    shape_units={"travel_deg": "deg", REVERSAL_SPEED: "rad/s"},
+    shapes_seen=lambda motions: (*SHAPES, {REVERSAL_SPEED: 0.02, "held": 0.0}),
     closer=_closer,
     follows={LOAD_SHARE: ("load_dependent_friction.share",)},
     bench=True,
@@ -102,10 +108,11 @@ EFFECT = Effect(
             '"Friction that sticks") whose limit is the load of the moment: a slider that slides '
             "holds the load's size against the motion, one that sticks keeps its force when the load "
             "rises, or has its share of the load of the moment; both are tried. δ: travel, where what "
-            "sticks is held at a load of 0.1 N m."
+            "sticks is held at a load of 0.1 N m. v_r: speed over which it turns round, of a motor alone "
+            "that rubs by the speed."
         ),
         source="Friction that grows with the load of a gear (Duclusaud et al. 2024).",
-        values={"share": r"\mu", "travel_deg": r"\delta"},
+        values={"share": r"\mu", "travel_deg": r"\delta", REVERSAL_SPEED: "v_r"},
         alike=("capstan_friction", "motor_coulomb_friction"),
     ),
     example=Example(

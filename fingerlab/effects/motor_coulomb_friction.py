@@ -1,7 +1,7 @@
 """Coulomb friction in motor and gearbox."""
 
-from fingerlab.effects.base import Effect, Example, Formula, Row, rubbing
-from fingerlab.effects.transmission import FRICTION, WINDING_SHAPES, coulomb_terms
+from fingerlab.effects.base import ALONE, REVERSAL_SPEED, Effect, Example, Formula, Row, rubbing
+from fingerlab.effects.transmission import FRICTION, MOTOR_ALONE_SHAPES, WINDING_SHAPES, coulomb_terms
 
 EFFECT = Effect(
     id="motor_coulomb_friction",
@@ -17,14 +17,19 @@ EFFECT = Effect(
     reveal_of_an_axis="slow motion that turns round often",
     mend="Run the gearbox in and grease it, or choose a smaller ratio.",
     shapes=WINDING_SHAPES,
-    shape_units={"travel_deg": "deg"},
+    shape_units={"travel_deg": "deg", REVERSAL_SPEED: "rad/s"},
+    shapes_seen=lambda motions: MOTOR_ALONE_SHAPES,
+    switches_seen=(ALONE,),
     closer=rubbing(),
     bench=True,
     formula=Formula(
         equation=r"\tau_m = C\,z(\theta_m;\delta)",
-        symbols="C: friction torque at the gearbox output. z: friction state of the travel, −1 to 1.",
+        symbols=(
+            "C: friction torque at the gearbox output. z: friction state of the travel, −1 to 1; of a motor "
+            "alone also the hyperbolic tangent of the speed over v_r."
+        ),
         source="Coulomb 1785 (Olsson et al. 1998), at the gearbox output.",
-        values={"coulomb": "C", "travel_deg": r"\delta"},
+        values={"coulomb": "C", "travel_deg": r"\delta", REVERSAL_SPEED: "v_r"},
         alike=("capstan_friction", "asymmetric_friction", "motor_stribeck_friction", "motor_presliding"),
     ),
     example=Example(

@@ -1,12 +1,15 @@
 """Stribeck friction in motor and gearbox: Coulomb friction that is larger near zero speed."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from fingerlab.effects.base import (
+    ALONE,
     OCTAVE,
+    REVERSAL_SPEED,
     SPEED_FACTORS,
     Effect,
     Example,
@@ -22,8 +25,8 @@ from fingerlab.effects.transmission import (
     FRICTION,
     USUAL_STICKING_DEG,
     coulomb_terms,
+    drive_state,
     drive_terms,
-    winding_state,
 )
 from fingerlab.physics.motion import Motion
 
@@ -32,12 +35,19 @@ SPEEDS = tuple({"stribeck_speed": value} for value in (0.1, 0.3, 0.8, 2.0))
 
 def columns(motion: Motion, shape: Shape) -> list[Term]:
     rubbing = {"travel_deg": USUAL_STICKING_DEG, **shape}
-    state = winding_state(motion, rubbing["travel_deg"], rubbing.get("sharpness", 0.0))
+    state = drive_state(motion, rubbing)
     slow = np.exp(-((motion.velocity / shape["stribeck_speed"]) ** 2))
     return coulomb_terms(motion, rubbing) + drive_terms(motion, "extra", state * slow)
 
 
+def _seen(motions: Sequence[Motion]) -> tuple[Shape, ...]:
+    alone = [{**shape, ALONE: 1.0} for shape in SPEEDS]
+    return (*alone, *({**shape, REVERSAL_SPEED: 0.02} for shape in alone))
+
+
 def _with_travel(shape: Shape) -> tuple[Shape]:
+    if REVERSAL_SPEED in shape:
+        return (shape,)
     return ({"travel_deg": USUAL_STICKING_DEG, **shape},)
 
 
@@ -58,17 +68,22 @@ EFFECT = Effect(
     reveal_of_an_axis="motion from very slow to fast",
     mend="Grease the gearbox, and keep the motor from creeping: it is largest at low speed.",
     shapes=SPEEDS,
-    shape_units={"stribeck_speed": "rad/s"},
-    closer=every(_with_travel, times("stribeck_speed", SPEED_FACTORS), rubbing(OCTAVE[1:-1], (0.0, 1.0))),
+    shape_units={"stribeck_speed": "rad/s", REVERSAL_SPEED: "rad/s"},
+    shapes_seen=_seen,
+    switches_seen=(ALONE,),
+    closer=every(
+        _with_travel, times("stribeck_speed", SPEED_FACTORS), rubbing(OCTAVE[1:-1], (0.0, 1.0), OCTAVE)
+    ),
     bench=True,
     formula=Formula(
         equation=r"\tau_m = z(\theta_m;\delta)\left(C + E\,e^{-(\dot\theta_m/v_s)^2}\right)",
         symbols=(
             "C: friction torque at speed. E: what is added near zero speed. v_s: Stribeck speed. z: "
-            "friction state, with δ = 0.3 degrees."
+            "friction state, with δ = 0.3 degrees; of a motor alone also the hyperbolic tangent of the "
+            "speed over v_r."
         ),
         source="Stribeck 1902, with the exponential of the squared speed (Olsson et al. 1998).",
-        values={"coulomb": "C", "extra": "E", "stribeck_speed": "v_s"},
+        values={"coulomb": "C", "extra": "E", "stribeck_speed": "v_s", REVERSAL_SPEED: "v_r"},
         alike=("motor_coulomb_friction", "motor_presliding"),
     ),
     example=Example(

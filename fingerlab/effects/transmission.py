@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from fingerlab.effects.base import Effect, Row, Shape, Term, of_shape
+from fingerlab.effects.base import ALONE, REVERSAL_SPEED, REVERSAL_SPEEDS, Effect, Row, Shape, Term, of_shape
 from fingerlab.physics.friction_states import friction_state, rubbing_forces, slip_states, with_grid
 from fingerlab.physics.motion import Motion, nothing
 from fingerlab.physics.parameter import Parameter
@@ -18,6 +18,10 @@ WINDING_TRAVELS_DEG = (0.15, 0.21, 0.3, 0.42, 0.6, 0.84)
 the encoder to the wind-up of a gearbox; assumed."""
 USUAL_STICKING_DEG = 0.3
 WINDING_SHAPES = tuple({"travel_deg": value} for value in WINDING_TRAVELS_DEG)
+MOTOR_ALONE_SHAPES = (
+    *({"travel_deg": value, ALONE: 1.0} for value in (0.05, *WINDING_TRAVELS_DEG)),
+    *({REVERSAL_SPEED: value, ALONE: 1.0} for value in REVERSAL_SPEEDS),
+)
 FRICTION = Parameter(
     "N m", 0.0, 0.1, 0.005, title="friction torque at the gearbox output",
     varies_between_runs=True, holds_at_rest=True,
@@ -157,6 +161,14 @@ def winding_state(
     return motion.remember_each(keys[0], keys, lambda: slip_states(motion.position, np.radians(travels)))
 
 
+def drive_state(motion: Motion, shape: Shape) -> Array:
+    """Direction in which motor and gearbox rub, in [-1, 1], (n,): by the travel, or by the speed."""
+    if REVERSAL_SPEED in shape:
+        width = shape[REVERSAL_SPEED]
+        return motion.remember(("by speed", width), lambda: np.tanh(motion.velocity / width))
+    return winding_state(motion, shape.get("travel_deg", USUAL_STICKING_DEG), shape.get("sharpness", 0.0))
+
+
 def turning_with(motion: Motion, order: float) -> Any:
     """exp(i order position), complex (n,); from the usual order two below, which costs a tenth of a sine."""
     if order <= RIPPLE_ORDERS[0] or order % 2 or order > 2 * RIPPLE_ORDERS[-1]:
@@ -166,9 +178,9 @@ def turning_with(motion: Motion, order: float) -> Any:
 
 
 def coulomb_terms(motion: Motion, shape: Shape) -> list[Term]:
-    travel, sharpness = shape["travel_deg"], shape.get("sharpness", 0.0)
     if motion.finger is None:
-        return drive_terms(motion, "coulomb", winding_state(motion, travel, sharpness))
+        return drive_terms(motion, "coulomb", drive_state(motion, shape))
+    travel, sharpness = shape["travel_deg"], shape.get("sharpness", 0.0)
     key = ("coulomb pull", travel, sharpness)  # one signal for Coulomb and Stribeck friction
     return pull_terms(
         "coulomb",

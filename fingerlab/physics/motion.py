@@ -237,7 +237,11 @@ def strongest_lines(motions: Sequence[Motion]) -> dict[float, float]:
     found: dict[float, float] = {}
     for place in places[np.argsort(-power[places], kind="stable")]:
         order = round(4.0 * float(orders[place])) / 4.0
-        if power[place] > 0 and all(abs(order - other) > LINE_WIDTHS * width for other in found):
+        if (
+            power[place] > 0
+            and order > 0
+            and all(abs(order - other) > LINE_WIDTHS * width for other in found)
+        ):
             found[order] = float(power[place])
         if len(found) == STRONGEST:
             break

@@ -268,6 +268,8 @@ def _verdict_sentence(diagnosis: Diagnosis) -> str:
 def kind_of_unknown(diagnosis: Diagnosis) -> str:
     """What kind of cause it is that no law of a motor's state tells; empty where nothing says so."""
     told = diagnosis.torque_noise
+    if told is None:
+        return ""
     share = percent(1.0 - told.share)
     if told.told_by == "memory":
         return (

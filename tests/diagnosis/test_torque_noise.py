@@ -94,6 +94,7 @@ def test_what_has_memory_or_differs_by_run_is_no_noise(
 ) -> None:
     found = told(steady(impedance))
     assert found.verdict == "not_in_catalogue"
+    assert found.torque_noise is not None
     assert found.torque_noise.told_by == told_by
     assert found.score > 3.0
     assert words in verdict_sentence(found)
@@ -103,6 +104,7 @@ def test_what_has_memory_or_differs_by_run_is_no_noise(
 def test_noise_is_noise_however_much(noise: float) -> None:
     found = told(steady(inert, noise=noise))
     assert found.verdict == "nothing_missing"
+    assert found.torque_noise is not None
     assert found.torque_noise.told_by == ""
     # Low-passed to 12 of 250 Hz: a tenth of white noise's variance at most.
     assert found.errors["motor_torque"].r2 == pytest.approx(1.0, abs=0.1 * noise**2)

@@ -7,13 +7,12 @@ from dataclasses import asdict, dataclass, field
 from math import sqrt
 from typing import TYPE_CHECKING, Any, Literal
 
-from fingerlab.diagnosis.gram.state_law import ALL_NOISE, TorqueNoise
 from fingerlab.effects.base import Row
 from fingerlab.models.file import ParameterEstimate
 from fingerlab.sessions.model import Array
 
 if TYPE_CHECKING:
-    from fingerlab.diagnosis.gram.sums import FloorFrom, RunConstants
+    from fingerlab.diagnosis.gram.sums import FloorFrom, RunConstants, TorqueNoise
     from fingerlab.diagnosis.score.calibration import CalibratedAnswer, Odds, Predicted
     from fingerlab.diagnosis.score.evidence import Verdict
     from fingerlab.diagnosis.score.fitted_model import FittedModel
@@ -509,7 +508,7 @@ class Diagnosis:
     fitted: FittedModel | None = field(default=None, repr=False, compare=False)
     last: FittedModel | None = field(default=None, repr=False, compare=False)
     constants: RunConstants | None = field(default=None, repr=False, compare=False)
-    torque_noise: TorqueNoise = field(default=ALL_NOISE, repr=False, compare=False)
+    torque_noise: TorqueNoise | None = field(default=None, repr=False, compare=False)
 
     def to_json(self) -> dict[str, Any]:
         """The object that ``diagnose --json`` writes, ready for ``json.dumps``."""

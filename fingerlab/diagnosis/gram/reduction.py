@@ -23,13 +23,15 @@ from fingerlab.diagnosis.equations.columns import Asked, asked_of, layout_of
 from fingerlab.diagnosis.equations.features import Layout
 from fingerlab.diagnosis.gram.decimation import Decimated, SegmentCache
 from fingerlab.diagnosis.gram.run_sums import Keep, in_place, pair_sums, run_sums, sums_in_turn
-from fingerlab.diagnosis.gram.state_law import ALL_NOISE, TorqueNoise, torque_products
+from fingerlab.diagnosis.gram.state_law import torque_products
 from fingerlab.diagnosis.gram.sums import (
+    ALL_NOISE,
     Group,
     PairSums,
     Reduced,
     RunConstants,
     RunSums,
+    TorqueNoise,
     add_among,
     empty,
     finer_of,
@@ -127,10 +129,10 @@ class Reduction:
         self,
         held: Mapping[str, float],
         constants: RunConstants | None,
-        torque_noise: TorqueNoise = ALL_NOISE,
+        torque_noise: TorqueNoise | None = None,
     ) -> None:
         """Go on from an answer: what it held, the constants of its runs, and what was noise."""
-        self.held, self.constants, self.torque_noise = held, constants, torque_noise
+        self.held, self.constants, self.torque_noise = held, constants, torque_noise or ALL_NOISE
 
     def _forget(self) -> None:
         self._cache = SegmentCache(self._executor)

@@ -13,13 +13,11 @@ one of each run's own, tell how much of it is none (:func:`torque_noise`).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
-from scipy.signal import lfilter
 
 from fingerlab.diagnosis.gram.decimation import Decimated, counted
+from fingerlab.diagnosis.gram.sums import ALL_NOISE, TorqueNoise
 from fingerlab.diagnosis.settings import (
     LEAST_OWN_SHARE,
     MUCH_THE_SAME,
@@ -99,6 +97,8 @@ def _functions_of_past(motion: Motion) -> Array:
 
 def _swung(values: Array, pace: float, rate: float) -> Array:
     """What a resonance at an angular frequency (rad/s) makes of values at a rate (Hz), (n,)."""
+    from scipy.signal import lfilter  # slow to import, and seldom asked
+
     shrink = np.exp(-STATE_DAMPING * pace / rate)
     turn = np.cos(pace * np.sqrt(1.0 - STATE_DAMPING**2) / rate)
     poles = [1.0, -2.0 * shrink * turn, shrink**2]
@@ -150,22 +150,6 @@ def left_out_covariance(
         found = tried[best]
         taken.append(rest.pop(best))
     return found
-
-
-@dataclass(frozen=True)
-class TorqueNoise:
-    """How much of what no law of the state tells of a motor's torque is noise, and what tells the rest.
-
-    Attributes:
-        share: of the variance, 0 to 1.
-        told_by: a law with ``memory``, or one of each of the ``runs``; "": there is no rest.
-    """
-
-    share: float = 1.0
-    told_by: Literal["", "memory", "runs"] = ""
-
-
-ALL_NOISE = TorqueNoise()
 
 
 def torque_noise(runs: Sequence[Sequence[Array]], variance: float) -> TorqueNoise:

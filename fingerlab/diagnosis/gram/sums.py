@@ -24,7 +24,6 @@ import numpy as np
 from fingerlab.diagnosis.equations.coefficients import CABLE_NAMES
 from fingerlab.diagnosis.equations.features import IntArray, Layout, Pick
 from fingerlab.diagnosis.equations.model import Model
-from fingerlab.diagnosis.gram.state_law import ALL_NOISE, TorqueNoise
 from fingerlab.diagnosis.signals.channel_checks import ChannelRatios
 from fingerlab.diagnosis.signals.conditions import Fold, GroupKey
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
@@ -548,6 +547,22 @@ class PairSums:
     difference: Sums
     across: Array
     mean: Array
+
+
+@dataclass(frozen=True)
+class TorqueNoise:
+    """How much of what no law of the state tells of a motor's torque is noise, and what tells the rest.
+
+    Attributes:
+        share: of the variance, 0 to 1.
+        told_by: a law with ``memory``, or one of each of the ``runs``; "": there is no rest.
+    """
+
+    share: float = 1.0
+    told_by: Literal["", "memory", "runs"] = ""
+
+
+ALL_NOISE = TorqueNoise()
 
 
 @dataclass

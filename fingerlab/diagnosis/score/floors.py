@@ -17,14 +17,8 @@ from fingerlab.diagnosis.equations.model import Choice, Model
 from fingerlab.diagnosis.fit.data import Weights
 from fingerlab.diagnosis.fit.noise import row_covariance
 from fingerlab.diagnosis.gram.reduction import Reduction
-from fingerlab.diagnosis.gram.state_law import (
-    ALL_NOISE,
-    TorqueNoise,
-    left_out_covariance,
-    torque_noise,
-    torque_variance,
-)
-from fingerlab.diagnosis.gram.sums import Group
+from fingerlab.diagnosis.gram.state_law import left_out_covariance, torque_noise, torque_variance
+from fingerlab.diagnosis.gram.sums import ALL_NOISE, Group, TorqueNoise
 from fingerlab.diagnosis.score.fitted_model import FittedModel, at_found_shapes
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.settings import (

@@ -94,7 +94,7 @@ def refine_grid(
     """The effects at the best of the shapes around those found, under their own model's weights.
 
     Where a shape takes numbers from what is fitted, it is fitted again until they stand, and if they have
-    moved, the shapes are looked at once more.
+    moved, or another law was better, the shapes are looked at once more.
 
     Raises:
         Cancelled: the user asked for it.
@@ -104,6 +104,7 @@ def refine_grid(
         finer = [_finer(c) for c in choices]
         places = [_place(e.shapes, c.effect.shapes[c.shape]) for e, c in zip(finer, choices, strict=True)]
         scorer = Scorer(reduction.refined(finer, watch))
+        began = [Choice(e, place) for e, place in zip(finer, places, strict=True)]
         of_shapes = fitted = reduction.remember(finer, places, partial(_best_of_finer, scorer, finer, places))
         for _ in range(FOLLOWING_ROUNDS):
             choices = _with_dependent_shapes(fitted)
@@ -113,10 +114,16 @@ def refine_grid(
             given = [replace(c.effect, shapes=(c.effect.shapes[c.shape],)) for c in choices]
             scorer = Scorer(reduction.refined(given, watch))
             fitted = scorer.fit([Choice(e) for e in given], fitted, FULL_ITERATIONS)
-        if fitted is of_shapes:
+        if fitted is not of_shapes:
+            fitted = scorer.fit_reweighted(fitted.choices, fitted)
+        elif not any(map(_is_another_law, fitted.choices, began)):
             break
-        fitted = scorer.fit_reweighted(fitted.choices, fitted)
+        choices = _with_dependent_shapes(fitted)
     return scorer, fitted
+
+
+def _is_another_law(one: Choice, other: Choice) -> bool:
+    return one.effect.law_at(one.shape) != other.effect.law_at(other.shape)
 
 
 def _best_of_finer(scorer: Scorer, finer: Sequence[Effect], places: Sequence[int]) -> FittedModel:
@@ -189,20 +196,28 @@ def refine_path(
         kept = [[by_id[name] for name in step.effect_ids if name in by_id] for step in chosen]
         steps = [scorer.score_held_out(scorer.fit(choices, last, FULL_ITERATIONS)) for choices in kept]
         idle = redundant_steps(steps)
-        if not idle and len(steps) > 2 and _stands_in_for_shapes(scorer, steps):
+        if not idle and len(steps) > 2 and _stands_in_for_shapes(reduction, scorer, steps, watch):
             idle = [len(steps) - 1]
         if not idle or idle[0] == 1:
             return scorer, steps
         chosen = chosen[: idle[0]]
 
 
-def _stands_in_for_shapes(scorer: Scorer, steps: Sequence[FittedModel]) -> bool:
+def _stands_in_for_shapes(
+    reduction: Reduction, scorer: Scorer, steps: Sequence[FittedModel], watch: Watch
+) -> bool:
     """Whether the last effect does no more than other shapes of the earlier ones would."""
-    shorter = steps[-2]
+    before, last = steps[-2:]
+    shorter = before
     for k in range(len(shorter.choices)):
         shorter = min(_other_shapes(scorer, shorter, k), key=lambda m: m.fit.cost)
+    # Friction of a motor alone goes by travel or by speed: around the other one nothing was looked at yet.
+    if scorer.reduced.on_bench and shorter.choices != before.choices:
+        by, shorter = refine_grid(reduction, shorter, watch)
+        found = by.fit(shorter.choices, shorter, FULL_ITERATIONS, last.weights)
+        return not justified(by.score_held_out(found), last)
     shorter = scorer.score_held_out(scorer.fit(shorter.choices, shorter, FULL_ITERATIONS))
-    return not (justified(shorter, steps[-1]) and worth_adding(scorer, shorter, steps[-1]))
+    return not (justified(shorter, last) and worth_adding(scorer, shorter, last))
 
 
 def extend_path(
@@ -252,7 +267,7 @@ def with_plainer_end(
             continue
         plainer = [
             e for e in catalogue
-            if e.gains.keys() < law.gains.keys() and e.equation == law.equation
+            if e.gains and e.gains.keys() < law.gains.keys() and e.equation == law.equation
             and e.id not in steps[-1].effect_ids
         ]  # fmt: skip
         for effect in plainer:

@@ -199,6 +199,10 @@ def _exchanged(
         rest = sorted((e for e in every if e.id not in known), key=lambda e: -predicted(e).gain)
         wanted += rest[:CANDIDATES_REFITTED]
         tried = [choices[place], *(Choice(e, predicted(e).shape) for e in wanted)]
+        own = choices[place].effect
+        if len({own.law_at(i) for i in range(len(own.shapes))}) > 1:
+            # Beside the others another of its laws may do better, and no neighbours lead from one to another.
+            tried += [Choice(own, i) for i in range(len(own.shapes))]
         found = [
             climb_grid(scorer, scorer.fit([*others, one], last, SCREEN_ITERATIONS, weights)) for one in tried
         ]
