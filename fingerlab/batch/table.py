@@ -30,6 +30,7 @@ from fingerlab.core.text import ParameterEstimate
 from fingerlab.core.trust import OwnSource
 from fingerlab.diagnosis import diagnose
 from fingerlab.diagnosis.answer.results import Diagnosis
+from fingerlab.diagnosis.score.calibration import Verdict
 from fingerlab.effects import find_effect
 from fingerlab.effects.own import only_these
 from fingerlab.sessions import Session, file_hash, open_session
@@ -129,7 +130,10 @@ def _facts(session: Session) -> Row:
 
 def _answer(result: Diagnosis) -> Row:
     first = result.candidates[0] if result.candidates else None
-    chance = {"nothing_missing": result.probability_nothing, "not_in_catalogue": result.probability_unknown}
+    chance = {
+        Verdict.NOTHING_MISSING: result.probability_nothing,
+        Verdict.NOT_IN_CATALOGUE: result.probability_unknown,
+    }
     in_set = [c for c in result.candidates if c.effect in result.set]
     row: Row = {
         "verdict": result.verdict,

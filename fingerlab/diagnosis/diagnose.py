@@ -39,9 +39,8 @@ from fingerlab.diagnosis.fit.run_spreads import find_constants
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.gram.sums import RunConstants
 from fingerlab.diagnosis.score.calibration import (
-    NOTHING,
-    UNKNOWN,
     CalibratedAnswer,
+    Verdict,
     calibrated,
     session_features,
 )
@@ -335,8 +334,8 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
         final_model=tuple(path[-1].effect_ids),
         next_experiment=None if following is None else following.proposal,
         seconds=time.perf_counter() - started,
-        probability_nothing=probability[NOTHING],
-        probability_unknown=probability[UNKNOWN],
+        probability_nothing=probability[Verdict.NOTHING_MISSING],
+        probability_unknown=probability[Verdict.NOT_IN_CATALOGUE],
         parameters=every_parameter(evidence.base, evidence.temperature),
         final_parameters=every_parameter(path[-1], evidence.temperature),
         comparisons=curves.comparisons if curves else (),
@@ -389,19 +388,19 @@ def _cannot_be_ruled_out(
     Args:
         probability: calibrated probability of every answer.
     """
-    if evidence.verdict == "not_in_catalogue":
+    if evidence.verdict == Verdict.NOT_IN_CATALOGUE:
         return []
     names = [c.last_effect.id for c in evidence.candidates]
-    if evidence.verdict == "nothing_missing":
+    if evidence.verdict == Verdict.NOTHING_MISSING:
         # Of the hidden ones 95 % would be most of the catalogue: those that could hide, and what is seen
         # and nearly as likely as nothing.
-        near = float(np.exp(-SET_LOG_ODDS)) * probability[NOTHING]
+        near = float(np.exp(-SET_LOG_ODDS)) * probability[Verdict.NOTHING_MISSING]
         hidden = undetectable(evidence)
         seen = [i for i, name in enumerate(names) if probability[name] >= near and i not in hidden]
         return sorted([*hidden, *seen], key=lambda i: -probability[names[i]])
     index = {name: i for i, name in enumerate(names)}
     chosen = [index[name] for name in said.cannot_be_ruled_out if name in index]
-    if evidence.verdict == "missing_effect" and not chosen:
+    if evidence.verdict == Verdict.MISSING_EFFECT and not chosen:
         chosen = [int(np.argmax(evidence.probabilities))]
     return chosen
 
@@ -450,13 +449,15 @@ def _next_run(
 ) -> NextRun | None:
     """The run that would separate the effects of the set, or show those that could not be seen; or None."""
     verdict = evidence.verdict
-    if verdict == "missing_effect":
+    if verdict == Verdict.MISSING_EFFECT:
         chosen = alike(evidence, -RUN_LOG_ODDS)
-    if verdict == "not_in_catalogue" or len(chosen) < (2 if verdict == "missing_effect" else 1):
+    if verdict == Verdict.NOT_IN_CATALOGUE or len(chosen) < (2 if verdict == Verdict.MISSING_EFFECT else 1):
         return None
     from fingerlab.diagnosis.experiment.proposal import propose, reveal
 
-    return (propose if verdict == "missing_effect" else reveal)(sessions, scorer, evidence, chosen, usual)
+    return (propose if verdict == Verdict.MISSING_EFFECT else reveal)(
+        sessions, scorer, evidence, chosen, usual
+    )
 
 
 def _last(fitted: FittedModel) -> str | None:

@@ -27,6 +27,7 @@ from fingerlab.core.text import (
     with_minus,
 )
 from fingerlab.diagnosis.equations.parameters import is_loss
+from fingerlab.diagnosis.score.calibration import Verdict
 from fingerlab.report.diagnosis_words import NOTHING_WORDS, UNKNOWN_WORDS, effect_title, in_sentence, listed
 from fingerlab.report.parameter_words import parameter_title
 from fingerlab.report.score_words import PHASE_WORDS
@@ -181,7 +182,7 @@ COLUMN_WORDS = {
 
 def outcome_words(row: Row) -> str:
     """What a session lacks, in words."""
-    words = {"nothing_missing": NOTHING_WORDS, "not_in_catalogue": UNKNOWN_WORDS}
+    words = {Verdict.NOTHING_MISSING: NOTHING_WORDS, Verdict.NOT_IN_CATALOGUE: UNKNOWN_WORDS}
     if row["verdict"] in words:
         return words[row["verdict"]]
     return effect_title(row["set"][0] if row["set"] else str(row["first_effect"]))
@@ -189,7 +190,7 @@ def outcome_words(row: Row) -> str:
 
 def not_shown_sentence(rows: Sequence[Row]) -> str:
     """What the sessions in which nothing is missing leave open, and how many of them; or nothing."""
-    left = [row["set"] for row in rows if row["verdict"] == "nothing_missing" and row["set"]]
+    left = [row["set"] for row in rows if row["verdict"] == Verdict.NOTHING_MISSING and row["set"]]
     if not left:
         return ""
     titles = Counter(in_sentence(effect_title(effect)) for effects in left for effect in effects)

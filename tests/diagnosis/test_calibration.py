@@ -9,12 +9,11 @@ import numpy as np
 import pytest
 
 from fingerlab.diagnosis.score.calibration import (
-    NOTHING,
-    UNKNOWN,
     CalibrationTable,
     Odds,
     ProbabilityMap,
     SessionFeature,
+    Verdict,
     calibrated,
     calibration,
 )
@@ -30,7 +29,8 @@ from tests.hidden.sweep.calibrate import (
 )
 
 EFFECTS = ("coulomb_friction", "stribeck_friction", "cable_stretch")
-VERDICT = "missing_effect"
+VERDICT = Verdict.MISSING_EFFECT
+NOTHING, UNKNOWN = Verdict.NOTHING_MISSING, Verdict.NOT_IN_CATALOGUE
 PLAIN = ProbabilityMap(uninformative_verdict=-700.0, uninformative_effect=-700.0)
 SESSION = {"runs": 10.0, "seconds": 20.0, "rate": 1000.0, "floor": 0.1, "score": 3.0, "left": 1.1}
 

@@ -15,6 +15,7 @@ from fingerlab.diagnosis.answer.results import (
     EquationError,
     Failure,
 )
+from fingerlab.diagnosis.score.calibration import Verdict
 from fingerlab.report.diagnosis_words import (
     IMPROBABLE,
     NOTHING_WORDS,
@@ -124,9 +125,10 @@ def equation_text(equation: str) -> EquationText:
     return EquationText(title, title, equation, title)
 
 
-NOTHING = "nothing_missing"
-UNKNOWN = "not_in_catalogue"
-OUTCOME_TITLES = {NOTHING: NOTHING_WORDS, UNKNOWN: UNKNOWN_WORDS}
+OUTCOME_TITLES: dict[str, str] = {
+    Verdict.NOTHING_MISSING: NOTHING_WORDS,
+    Verdict.NOT_IN_CATALOGUE: UNKNOWN_WORDS,
+}
 NAMED = 4
 """Effects that are named where room is short; the rest is counted, and marked in the list."""
 RUN_KEYS = ("kind", "amplitude_deg", "frequency_hz")
@@ -147,9 +149,10 @@ def find_candidate(diagnosis: Diagnosis, effect: str) -> Candidate | None:
 
 def best_choice(diagnosis: Diagnosis) -> str:
     """The effect id or outcome that the verdict names."""
-    if diagnosis.verdict == "missing_effect" and diagnosis.candidates:
+    if diagnosis.verdict == Verdict.MISSING_EFFECT and diagnosis.candidates:
         return diagnosis.candidates[0].effect
-    return UNKNOWN if diagnosis.verdict == UNKNOWN else NOTHING
+    unknown = diagnosis.verdict == Verdict.NOT_IN_CATALOGUE
+    return Verdict.NOT_IN_CATALOGUE if unknown else Verdict.NOTHING_MISSING
 
 
 AS_GOOD_AS_SAID = 0.5
@@ -166,14 +169,14 @@ def _verdict(diagnosis: Diagnosis) -> str:
     if diagnosis.better is not None:
         chance = percent(better_chance(diagnosis)).replace(" ", NO_BREAK)
         return f"Rather {exchange_words(diagnosis.better)}, {chance}"
-    if diagnosis.verdict == NOTHING:
+    if diagnosis.verdict == Verdict.NOTHING_MISSING:
         hider = could_hide(diagnosis)
         if hider is not None:
             chance = percent(hider.probability).replace(" ", NO_BREAK)
             return f"No effect is shown to be missing; {in_sentence(hider.title)} could hide, {chance}"
         seen = " that these data could show" if not_shown(diagnosis) else ""
         return f"{'Nothing more' if diagnosis.model else 'Nothing'} is missing{seen}"
-    if diagnosis.verdict == UNKNOWN:
+    if diagnosis.verdict == Verdict.NOT_IN_CATALOGUE:
         sure = diagnosis.probability_unknown >= AS_GOOD_AS_SAID
         chance = percent(diagnosis.probability_unknown).replace(" ", NO_BREAK)
         return f"What is missing {'is not' if sure else 'may not be'} in the catalogue, {chance}"
@@ -217,7 +220,7 @@ def _set_words(diagnosis: Diagnosis) -> str:
     if diagnosis.better is not None and len(titles) < 2:
         return f"That the model is right as it is: {percent(diagnosis.probability_nothing)}."
     if len(titles) < 2:
-        if diagnosis.verdict == UNKNOWN:
+        if diagnosis.verdict == Verdict.NOT_IN_CATALOGUE:
             return f"None of the {len(diagnosis.candidates)} effects tried explains it."
         return "Told apart from every other effect." if titles else "No effect is called for."
     return f"Cannot be told apart here: {listed(titles)}.{' ' if also else ''}{also}"
@@ -250,7 +253,7 @@ def outcome_explanation(outcome: str, diagnosis: Diagnosis) -> str:
     """The evidence for one of the two outcomes that are no effect."""
     score = score_text(diagnosis.score)
     model = "The model" if diagnosis.model else "The nominal model"
-    if outcome == NOTHING:
+    if outcome == Verdict.NOTHING_MISSING:
         chance = percent(diagnosis.probability_nothing)
         left = " What is left to it is what these data could not have shown." if not_shown(diagnosis) else ""
         return (
@@ -280,10 +283,10 @@ def step_results(diagnosis: Diagnosis, history: ModelHistory) -> dict[str, str]:
     """What each of the five steps found, in a few words; a step not yet done is left out."""
     results = {"compare": f"error {score_text(diagnosis.score)} × floor"}
     results["where"] = failure_words(diagnosis.failure)
-    if diagnosis.verdict == "missing_effect":
+    if diagnosis.verdict == Verdict.MISSING_EFFECT:
         best = diagnosis.candidates[0]
         results["missing"] = f"{best.title} {percent(best.probability).replace(' ', NO_BREAK)}"
-    elif diagnosis.verdict == UNKNOWN:
+    elif diagnosis.verdict == Verdict.NOT_IN_CATALOGUE:
         results["missing"] = "not in the catalogue"
     elif (hider := could_hide(diagnosis)) is not None:
         chance = percent(hider.probability).replace(" ", NO_BREAK)
@@ -295,13 +298,13 @@ def step_results(diagnosis: Diagnosis, history: ModelHistory) -> dict[str, str]:
         results["add"] = " + ".join(effect_title(effect) for effect in history.now.added)
     if diagnosis.better is not None:
         results["true"] = "no, another is better"
-    elif rivalled(diagnosis) and diagnosis.verdict == NOTHING:
+    elif rivalled(diagnosis) and diagnosis.verdict == Verdict.NOTHING_MISSING:
         results["true"] = "perhaps, as is another"
     elif holds(diagnosis):
         results["true"] = _holds_words(diagnosis)
-    elif diagnosis.verdict == NOTHING:
+    elif diagnosis.verdict == Verdict.NOTHING_MISSING:
         results["true"] = "too much is left"
-    elif history.now.added or diagnosis.verdict == UNKNOWN:
+    elif history.now.added or diagnosis.verdict == Verdict.NOT_IN_CATALOGUE:
         results["true"] = "not yet"
     return results
 

@@ -13,8 +13,7 @@ from fingerlab.sessions.model import Array
 
 if TYPE_CHECKING:
     from fingerlab.diagnosis.gram.sums import FloorFrom, RunConstants
-    from fingerlab.diagnosis.score.calibration import CalibratedAnswer, Odds, Predicted
-    from fingerlab.diagnosis.score.evidence import Verdict
+    from fingerlab.diagnosis.score.calibration import CalibratedAnswer, Odds, Predicted, Verdict
     from fingerlab.diagnosis.score.fitted_model import FittedModel
 
 EQUATION_TITLES = {

@@ -15,8 +15,6 @@ import numpy as np
 
 from fingerlab.diagnosis.experiment.predicted_runs import Proposal, menu
 from fingerlab.diagnosis.experiment.separation import (
-    FOUND,
-    HIDDEN,
     GainLine,
     Outlook,
     PredictedRun,
@@ -32,8 +30,8 @@ from fingerlab.diagnosis.experiment.separation import (
     separation,
 )
 from fingerlab.diagnosis.gram.decimation import Decimated
-from fingerlab.diagnosis.score.calibration import Predicted
-from fingerlab.diagnosis.score.evidence import Evidence, Verdict
+from fingerlab.diagnosis.score.calibration import Predicted, Verdict
+from fingerlab.diagnosis.score.evidence import Evidence
 from fingerlab.diagnosis.score.fitted_model import FittedModel, condition_weights, values_if_there
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.score.selection import (
@@ -191,7 +189,7 @@ def _worth(run: PredictedRun, alone: float, first: float, gains: Iterable[float]
 class Among:
     """Effects of which one is missing, and what runs would say of which it is."""
 
-    verdict: Verdict = FOUND
+    verdict = Verdict.MISSING_EFFECT
 
     def __init__(self, scorer: Scorer, evidence: Evidence, chosen: list[int], now: Outlook) -> None:
         self.scorer, self.evidence, self.chosen, self.outlook = scorer, evidence, chosen, now
@@ -280,7 +278,7 @@ class Among:
 class Hidden:
     """Effects that could be there unseen, and what runs would say of them."""
 
-    verdict: Verdict = HIDDEN
+    verdict = Verdict.NOTHING_MISSING
 
     def __init__(
         self, scorer: Scorer, evidence: Evidence, able: list[int], hidden: list[int], now: Outlook
@@ -332,11 +330,11 @@ class Hidden:
                 first += self.shares[k] / len(away) * (int(np.argmax(probabilities)) == true)
             name = self._id(true)
             gains[name] = {self._id(i): float(predicted[i]) for i in self.able if i != true}
-            gains[name][HIDDEN] = found[k]
+            gains[name][Verdict.NOTHING_MISSING] = found[k]
             expected[name] = float(np.median(moved))
         likeliest = next((name for name, gain in expected.items() if gain > LEAST_SEPARATION), None)
         worth = _worth(run, float(alone), float(first), self._shown(found))
-        separates = (likeliest, HIDDEN) if likeliest else ()
+        separates = (likeliest, Verdict.NOTHING_MISSING) if likeliest else ()
         least = min(g for g in found)
         return Judged(
             worth, least, separates, expected.get(likeliest or "", 0.0), float(alone), gains, expected

@@ -19,7 +19,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 from importlib.resources import files
-from typing import Final
 
 import numpy as np
 
@@ -35,7 +34,13 @@ from fingerlab.diagnosis.fit.noise import torque_noise
 from fingerlab.diagnosis.gram.decimation import Decimated, decimated_columns
 from fingerlab.diagnosis.gram.run_sums import difference_alone, in_common
 from fingerlab.diagnosis.gram.sums import Group, Reduced, Sums, feature_weights
-from fingerlab.diagnosis.score.calibration import CalibrationTable, Odds, answer_distances, calibration
+from fingerlab.diagnosis.score.calibration import (
+    CalibrationTable,
+    Odds,
+    Verdict,
+    answer_distances,
+    calibration,
+)
 from fingerlab.diagnosis.score.evidence import Evidence
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.settings import (
@@ -261,8 +266,6 @@ def known_of(model: Model, fitted: FittedModel, temperature: float) -> Array:
     return result
 
 
-FOUND: Final = "missing_effect"
-HIDDEN: Final = "nothing_missing"
 SessionFeatures = tuple[Mapping[str, float], str]
 """What ``score.calibration.session_features`` says of sessions."""
 
@@ -339,7 +342,7 @@ class Outlook:
     @cached_property
     def _limits(self) -> Array:
         """Log odds down to which each answer is in the set of a missing effect, (answers,)."""
-        return np.array([self.table.threshold(FOUND, name) for name in self.odds.answers])
+        return np.array([self.table.threshold(Verdict.MISSING_EFFECT, name) for name in self.odds.answers])
 
     def probabilities(self, odds: Odds | None = None) -> Array:
         """Of every answer, (answers,); ``odds``: None for those as they are."""

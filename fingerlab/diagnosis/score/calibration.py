@@ -14,6 +14,7 @@ import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from enum import StrEnum
 from functools import cache
 from importlib.resources import files
 from typing import Any, Protocol
@@ -37,8 +38,14 @@ class HeldOutError(Protocol):
     def floor(self) -> float: ...
 
 
-NOTHING, UNKNOWN = "nothing_missing", "not_in_catalogue"
-"""The two answers that are no effect."""
+class Verdict(StrEnum):
+    """The three answers; the two that are no effect stand in a set beside the ids of effects."""
+
+    NOTHING_MISSING = "nothing_missing"
+    MISSING_EFFECT = "missing_effect"
+    NOT_IN_CATALOGUE = "not_in_catalogue"
+
+
 AN_EFFECT = "any effect"
 """The group of all effects, where one of them or its family has too few trials of its own."""
 
@@ -63,7 +70,7 @@ class Odds:
     @property
     def answers(self) -> tuple[str, ...]:
         """Everything that can be the truth: the effects, and the two answers that are none."""
-        return (*self.effects, NOTHING, UNKNOWN)
+        return (*self.effects, Verdict.NOTHING_MISSING, Verdict.NOT_IN_CATALOGUE)
 
 
 @dataclass(frozen=True)

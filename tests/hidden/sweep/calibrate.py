@@ -20,12 +20,11 @@ import numpy as np
 from scipy.optimize import minimize
 
 from fingerlab.diagnosis.score.calibration import (
-    NOTHING,
-    UNKNOWN,
     CalibrationTable,
     Odds,
     ProbabilityMap,
     SessionFeature,
+    Verdict,
     answer_distances,
     calibrated,
     calibration,
@@ -41,6 +40,7 @@ BORROWED = 40.0
 """Trials' worth of the next wider group that every group's distances are completed by: of 20 trials of one
 effect the 19th bounds 95 %, and a single trial moves it. With 40 the sets of two tables, each fitted to
 trials that the other was not, are as wide as each other; with 10 and 20 they were not."""
+NOTHING, UNKNOWN = Verdict.NOTHING_MISSING, Verdict.NOT_IN_CATALOGUE
 OUTCOMES = {NOTHING: "Nothing missing", UNKNOWN: "Outside the catalogue"}
 POPULATION = (
     "simulated benches of two engines: size over three decades, tolerances, noise, rates, length and number "
