@@ -31,7 +31,7 @@ from fingerlab.physics.motion import Motion
 from fingerlab.physics.nominal import JointMotion
 from fingerlab.physics.parameter import LOSS, Parameter, Role
 from fingerlab.rig.file import default_rig
-from fingerlab.sessions.model import PHASES, Array
+from fingerlab.sessions.model import CABLE_SIGN, PHASES, Array
 
 SCALES = ("joint", "direct", "arm_mcp", "arm_pip", "compliance")
 MOST_SHAPES = 50
@@ -127,7 +127,7 @@ def _check_words(effect: Effect, where: str) -> None:
             f"{where} asks for 'special', 'relaxes' or 'turns'; an effect of your own acts by its "
             "columns alone."
         )
-    _all_of(effect.cables, ("extension", "flexion"), f"{where}, cables")
+    _all_of(effect.cables, tuple(CABLE_SIGN), f"{where}, cables")
     _one_of(effect.bench, (True, False, BESIDE_A_FINGER), f"{where}, bench")
     _one_of(effect.family, FAMILIES, f"{where}, family")
     if effect.example is not None and not isinstance(effect.example, Example):

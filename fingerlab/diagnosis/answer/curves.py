@@ -16,7 +16,6 @@ from fingerlab.diagnosis.answer.results import (
     Failure,
     Fingerprint,
 )
-from fingerlab.diagnosis.equations.coefficients import CABLE_NAMES
 from fingerlab.diagnosis.equations.features import FORCE, BoolArray
 from fingerlab.diagnosis.fit.noise import floor_covariance
 from fingerlab.diagnosis.gram.decimation import Decimated, counted
@@ -31,7 +30,7 @@ from fingerlab.effects.base import COORDINATE_UNITS, Effect, Row
 from fingerlab.effects.transmission import winding_state
 from fingerlab.physics import nominal
 from fingerlab.physics.motion import Motion
-from fingerlab.sessions.model import Array, Run, Session
+from fingerlab.sessions.model import CABLE_NAMES, Array, Run, Session
 
 ROW_UNITS = {Row.MCP: "N m", Row.PIP: "N m", Row.CABLE: "m", Row.BENCH: "N m", Row.TIP: "m"}
 

@@ -29,7 +29,6 @@ from fingerlab.diagnosis.answer.results import (
     ScorePart,
 )
 from fingerlab.diagnosis.answer.wording import residual_offsets
-from fingerlab.diagnosis.equations.coefficients import CABLE_NAMES
 from fingerlab.diagnosis.equations.features import FORCE, SHIFTS_S
 from fingerlab.diagnosis.equations.model import Choice
 from fingerlab.diagnosis.equations.parameters import TORQUE_ZERO
@@ -45,7 +44,7 @@ from fingerlab.diagnosis.signals.filters import BRIDGED, CUT_OUT, EFFECTIVE_SHAR
 from fingerlab.diagnosis.signals.scales import as_recorded
 from fingerlab.effects.base import Row
 from fingerlab.rig.file import changed_words, sources_of
-from fingerlab.sessions.model import Array, Run
+from fingerlab.sessions.model import CABLE_NAMES, Array, Run
 
 FAMILY_UNITS = {"joint_torque": "N m", "cable_kinematics": "m", "motor_torque": "N m", "endpoint_force": "N"}
 

@@ -27,9 +27,8 @@ from fingerlab.diagnosis.equations.features import (
     slope_weights,
 )
 from fingerlab.effects.base import Row
-from fingerlab.sessions.model import Array
+from fingerlab.sessions.model import CABLE_NAMES, Array
 
-CABLE_NAMES = {1: "flexion", -1: "extension", 0: "none"}
 DELAY = "delay"
 TORQUE_GAIN = "torque_gain"
 """Share that the motor's torque reads too high."""

@@ -9,7 +9,7 @@ from typing import Protocol
 
 import numpy as np
 
-from fingerlab.diagnosis.equations.coefficients import CABLE_NAMES, DELAY, Coefficients
+from fingerlab.diagnosis.equations.coefficients import DELAY, Coefficients
 from fingerlab.diagnosis.equations.features import (
     NO_SHIFT,
     SLOPE,
@@ -29,7 +29,7 @@ from fingerlab.diagnosis.equations.parameters import (
 )
 from fingerlab.effects.base import Effect, Row
 from fingerlab.physics.parameter import Parameter
-from fingerlab.sessions.model import Array
+from fingerlab.sessions.model import CABLE_NAMES, Array
 
 
 @dataclass(frozen=True)

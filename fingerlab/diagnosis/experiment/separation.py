@@ -23,7 +23,6 @@ from importlib.resources import files
 import numpy as np
 
 from fingerlab.core.plain_data import structured
-from fingerlab.diagnosis.equations.coefficients import CABLE_NAMES
 from fingerlab.diagnosis.equations.columns import layout_of
 from fingerlab.diagnosis.equations.features import Layout, Pick
 from fingerlab.diagnosis.equations.model import Model, build
@@ -54,7 +53,7 @@ from fingerlab.diagnosis.signals.conditions import kind_of
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
 from fingerlab.effects.base import Effect, Row
 from fingerlab.physics.motion import Motion
-from fingerlab.sessions.model import Array, Session
+from fingerlab.sessions.model import CABLE_NAMES, Array, Session
 
 
 @dataclass(frozen=True)

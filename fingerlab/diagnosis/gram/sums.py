@@ -21,7 +21,6 @@ from typing import Any, Literal
 
 import numpy as np
 
-from fingerlab.diagnosis.equations.coefficients import CABLE_NAMES
 from fingerlab.diagnosis.equations.features import IntArray, Layout, Pick
 from fingerlab.diagnosis.equations.model import Model
 from fingerlab.diagnosis.signals.channel_checks import ChannelRatios
@@ -30,7 +29,7 @@ from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
 from fingerlab.diagnosis.signals.segments import ChannelSigns
 from fingerlab.effects.base import Row
 from fingerlab.rig.file import Rig
-from fingerlab.sessions.model import Array
+from fingerlab.sessions.model import CABLE_NAMES, Array
 
 FloorFrom = Literal["cycles", "runs", "state law"]
 """Repeated cycles, these and repeated commands, or what a law of the measured state leaves."""
