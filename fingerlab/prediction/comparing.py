@@ -11,8 +11,8 @@ from threadpoolctl import threadpool_limits
 
 from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress, Watch
+from fingerlab.diagnosis.answer.error_parts import EquationError
 from fingerlab.diagnosis.answer.errors import equation_errors
-from fingerlab.diagnosis.answer.results import EquationError
 from fingerlab.diagnosis.diagnose import settle_constants
 from fingerlab.diagnosis.equations.model import Choice, Model
 from fingerlab.diagnosis.equations.parameters import ARMS, CABLE_OFFSET

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from math import sqrt
 
 from fingerlab.core.text import decimals_for, fixed, percent, screen_unit, with_minus
-from fingerlab.diagnosis.answer.results import Budget, BudgetPart, Diagnosis
+from fingerlab.diagnosis.answer.error_parts import Budget, BudgetPart
+from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.diagnosis.equations.parameters import ARMS
 from fingerlab.diagnosis.score.calibration import Verdict
 from fingerlab.effects import find_effect

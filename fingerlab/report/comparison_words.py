@@ -29,7 +29,7 @@ from fingerlab.core.text import (
 from fingerlab.diagnosis.equations.parameters import is_loss
 from fingerlab.diagnosis.score.calibration import Verdict
 from fingerlab.report.diagnosis_words import NOTHING_WORDS, UNKNOWN_WORDS, effect_title, in_sentence, listed
-from fingerlab.report.parameter_words import parameter_title
+from fingerlab.report.parameter_words import SHORT_TITLES, parameter_title
 from fingerlab.report.score_words import PHASE_WORDS
 from fingerlab.sessions.model import CHANNEL_UNITS
 from fingerlab.sessions.trajectory import trajectory_words
@@ -158,15 +158,6 @@ def pairs_json(found: SessionPair) -> dict[str, Any]:
 
 Row = dict[str, Any]
 
-PARAMETER_WORDS = {
-    "arm_mcp": "Moment arm MCP",
-    "arm_pip": "Moment arm PIP",
-    "loss_mcp": "Loss MCP",
-    "loss_pip": "Loss PIP",
-    "offset": "Cable offset",
-    "bench_gain": "Load per known load",
-    "bench_offset": "Torque without load",
-}
 COLUMN_WORDS = {
     "score": "Error / floor",
     "final_score": "Error / floor, effects added",
@@ -207,7 +198,7 @@ def column_words(column: str) -> str:
     if column.partition(".")[2].count("."):
         return parameter_title(column.partition(".")[2], ())
     key, _, routing = column.partition(".")[2].partition("@")
-    words = PARAMETER_WORDS.get(key, key.replace("_", " "))
+    words = SHORT_TITLES.get(key, key.replace("_", " "))
     return f"{words}, {routing}" if routing else words
 
 

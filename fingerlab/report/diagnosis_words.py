@@ -18,7 +18,8 @@ from fingerlab.core.text import (
     significant,
 )
 from fingerlab.core.text import in_sentence as in_sentence
-from fingerlab.diagnosis.answer.results import Candidate, Comparison, Diagnosis, Failure, OtherModel
+from fingerlab.diagnosis.answer.error_parts import Comparison
+from fingerlab.diagnosis.answer.results import Candidate, Diagnosis, Failure, OtherModel
 from fingerlab.diagnosis.answer.where import COORDINATES, JOINTS, Profile
 from fingerlab.diagnosis.score.calibration import Verdict
 from fingerlab.effects import find_effect

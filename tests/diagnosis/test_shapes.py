@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fingerlab.diagnosis.answer.results import Comparison
+from fingerlab.diagnosis.answer.error_parts import Comparison
 from fingerlab.diagnosis.answer.where import (
     angle_loop,
     autocorrelation,

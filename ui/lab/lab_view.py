@@ -9,7 +9,7 @@ from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QPushButton, QStackedWidget, QWidget
 
 from fingerlab.core.errors import UserError
-from fingerlab.diagnosis.answer.results import Comparison
+from fingerlab.diagnosis.answer.error_parts import Comparison, equation_of
 from fingerlab.diagnosis.answer.where import Profile, full_rate, stretches_in, worst_run
 from fingerlab.diagnosis.score.calibration import Verdict
 from fingerlab.models.file import View
@@ -27,7 +27,7 @@ from .evidence import EvidencePanel
 from .lab_frame import BetterModelBanner, StepsColumn
 from .model_dialogs import ScorePartsDialog
 from .parameters import ParametersPanel
-from .result_words import best_choice, equation_text, find_candidate, step_results
+from .result_words import best_choice, find_candidate, step_results
 from .validation import ValidationPanel
 from .where import WherePanel
 
@@ -317,7 +317,7 @@ class LabView(QWidget):
         )
         self.plot.show_full_rate(self._full_rate(comparison))
         self._show_where()
-        family = equation_text(comparison.equation).family
+        family = equation_of(comparison.equation).family
         now = diagnosis.errors.get(family)
         first = history.first.diagnosis.errors.get(family, now)
         moved = self.parameters.errors_of(family)

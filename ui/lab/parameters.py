@@ -15,7 +15,8 @@ from PySide6.QtGui import QFontMetrics
 from PySide6.QtWidgets import QCheckBox, QHeaderView, QPushButton, QSlider, QTableWidgetItem, QWidget
 
 from fingerlab.core.text import ScreenUnit, fixed, largest_of, score_text
-from fingerlab.diagnosis.answer.results import Comparison, Diagnosis, EquationError
+from fingerlab.diagnosis.answer.error_parts import Comparison, EquationError
+from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.models.file import Held
 from fingerlab.report.diagnosis_words import FAMILY_TITLES
 from fingerlab.report.parameter_words import cells, known_by, parameter_title, places_of, shown_unit

@@ -11,7 +11,7 @@ from PySide6.QtGui import QKeyEvent, QMouseEvent
 from PySide6.QtWidgets import QComboBox, QLabel, QStackedWidget, QWidget
 
 from fingerlab.core.text import ScreenUnit, largest_of, screen_unit
-from fingerlab.diagnosis.answer.results import Comparison
+from fingerlab.diagnosis.answer.error_parts import Comparison, equation_of
 from fingerlab.diagnosis.answer.where import (
     SHAPES,
     Profile,
@@ -38,7 +38,7 @@ from ..widgets.series import Series
 from ..widgets.tables import ElidedLabel, remark
 from ..widgets.theme import colours_of, line, tint
 from .comparison_bar import CURVES, WHERE, LegendKey, LegendKeys
-from .result_words import FLOOR_HELP, equation_text
+from .result_words import FLOOR_HELP
 
 UNITLESS = ScreenUnit("", 1.0)
 SHAPE_KEYS = {
@@ -344,7 +344,7 @@ class WherePanel(QWidget):
         found, chosen = self.found, str(self.coordinate.currentData())
         self.pictures.setCurrentWidget(self.shape if chosen in SHAPE_TITLES else self.plot)
         self.keys.set_keys(SHAPE_KEYS.get(chosen, WHERE))
-        quantity = equation_text(self._equation).quantity
+        quantity = equation_of(self._equation).quantity
         self.title.setText(
             quantity if chosen in LOOPS else f"Residual of {in_sentence(quantity)}" if self._profiles else ""
         )

@@ -25,8 +25,9 @@ from itertools import combinations, permutations
 
 import numpy as np
 
+from fingerlab.diagnosis.answer.error_parts import Budget, BudgetPart, EquationError
 from fingerlab.diagnosis.answer.errors import equation_errors, squares_by_family
-from fingerlab.diagnosis.answer.results import Budget, BudgetPart, EquationError, PathStep
+from fingerlab.diagnosis.answer.results import PathStep
 from fingerlab.diagnosis.equations.parameters import CABLE_OFFSET, TORQUE_ZERO
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.score.scorer import Scorer

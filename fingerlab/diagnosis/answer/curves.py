@@ -8,14 +8,8 @@ from functools import partial
 
 import numpy as np
 
-from fingerlab.diagnosis.answer.results import (
-    EQUATION_TITLES,
-    ROW_EQUATIONS,
-    Comparison,
-    ExcludedInterval,
-    Failure,
-    Fingerprint,
-)
+from fingerlab.diagnosis.answer.error_parts import EQUATIONS, ROW_EQUATIONS, Comparison, ExcludedInterval
+from fingerlab.diagnosis.answer.results import Failure, Fingerprint
 from fingerlab.diagnosis.equations.features import FORCE, BoolArray
 from fingerlab.diagnosis.fit.noise import floor_covariance
 from fingerlab.diagnosis.gram.decimation import Decimated, counted
@@ -445,7 +439,7 @@ def _failure(
     floors, c, k = float(np.sqrt(worst[0])), worst[1], worst[2]
     start, stop = second * float(c.time[k]), second * float(c.time[k + length - 1])
     moment = _moment(_stretch_of(c, stretches), slice(k, k + length))
-    place = f"{EQUATION_TITLES[c.equation]} of run {c.run} at {start:.1f} to {stop:.1f} s"
+    place = f"{EQUATIONS[c.equation].title} of run {c.run} at {start:.1f} to {stop:.1f} s"
     text = f"{place}: {moment}; the model misses {floors:.1f} times the floor there"
     return Failure(text, c.equation, c.run, start, stop, c.session, moment)
 

@@ -16,18 +16,17 @@ from threadpoolctl import threadpool_limits
 from fingerlab.core.progress import SILENT, Watch
 from fingerlab.core.text import ParameterEstimate
 from fingerlab.diagnosis.answer.curves import Display, RunOffsets, comparisons_of
-from fingerlab.diagnosis.answer.results import (
-    FAMILIES,
+from fingerlab.diagnosis.answer.error_parts import (
+    FAMILY_OF,
     ROW_EQUATIONS,
     Comparison,
-    Diagnosis,
     EquationError,
     ExcludedByMotion,
     ExcludedTime,
-    HeldOutRuns,
     RunShare,
     ScorePart,
 )
+from fingerlab.diagnosis.answer.results import Diagnosis, HeldOutRuns
 from fingerlab.diagnosis.answer.wording import residual_offsets
 from fingerlab.diagnosis.equations.features import FORCE, SHIFTS_S
 from fingerlab.diagnosis.equations.model import Choice
@@ -219,8 +218,8 @@ def run_shares(
                 session, run = runs[one.number]
                 count, loose = float(one.counts[0]), float(one.counts[1])
                 part = misfit * count / max(fold.samples, 1)
-                for family in dict.fromkeys(FAMILIES[ROW_EQUATIONS[row]] for row in rows):
-                    mine = [row for row in rows if FAMILIES[ROW_EQUATIONS[row]] == family]
+                for family in dict.fromkeys(FAMILY_OF[ROW_EQUATIONS[row]] for row in rows):
+                    mine = [row for row in rows if FAMILY_OF[ROW_EQUATIONS[row]] == family]
                     squared = part * sum(rows[row] for row in mine)
                     aside = loose / max(count, 1.0) if Row.CABLE in mine else 0.0
                     share = squared + floor * count * len(mine)

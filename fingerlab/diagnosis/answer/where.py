@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fingerlab.diagnosis.answer.results import Comparison
+from fingerlab.diagnosis.answer.error_parts import Comparison
 from fingerlab.diagnosis.settings import (
     BINS,
     LEAST_SAMPLES,
