@@ -15,16 +15,14 @@ from functools import cache
 import numpy as np
 
 from fingerlab.batch.laws import Prior
-from fingerlab.batch.table import Row, number_of
+from fingerlab.batch.table import Row, is_delay, number_of
+from fingerlab.diagnosis.equations.coefficients import DELAY
 from fingerlab.diagnosis.equations.parameters import nuisance_ranges
 from fingerlab.diagnosis.settings import Z90
 from fingerlab.effects import find_effect
 from fingerlab.physics.parameter import Parameter
 from fingerlab.rig.file import default_rig
 from fingerlab.sessions.model import Array
-
-DELAY = "transport_delay"
-"""Its strength is followed as it is fitted alone: nothing else takes it up."""
 
 
 def model_of(row: Row) -> tuple[str, ...]:
@@ -47,8 +45,8 @@ def effect_of(column: str) -> str:
 
 def strength_columns(effect: str, rows: Sequence[Row]) -> list[str]:
     """Columns that hold how strong an effect is, in rows of :func:`with_strengths`."""
-    if effect == DELAY:
-        names = {f"alone.{effect}.delay"}
+    if is_delay(effect):  # followed as it is fitted alone: nothing else takes it up
+        names = {f"alone.{effect}.{DELAY}"}
     else:
         start = f"param.{effect}."
         names = {name for row in rows for name in row if name.startswith(start)}

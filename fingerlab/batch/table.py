@@ -30,8 +30,10 @@ from fingerlab.core.text import ParameterEstimate
 from fingerlab.core.trust import OwnSource
 from fingerlab.diagnosis import diagnose
 from fingerlab.diagnosis.answer.results import Diagnosis
+from fingerlab.diagnosis.equations.coefficients import DELAY
 from fingerlab.diagnosis.score.calibration import Verdict
-from fingerlab.effects import find_effect
+from fingerlab.effects import CATALOGUE, find_effect
+from fingerlab.effects.base import FAMILIES
 from fingerlab.effects.own import only_these
 from fingerlab.sessions import Session, file_hash, open_session
 from fingerlab.sessions.model import Array
@@ -43,14 +45,11 @@ MAIN_PARAMETERS = (
     "mcp_stiffness", "pip_stiffness", "bench_inertia", "bench_gain", "bench_offset",
 )  # fmt: skip
 """Unknowns of every model that say something about the bench; nuisances of the analysis stay out."""
-ALONE = (
-    "coulomb_friction",
-    "viscous_friction",
-    "motor_coulomb_friction",
-    "motor_viscous_friction",
-    "transport_delay",
+FOLLOWED_EFFECTS = sorted(
+    (one for one in CATALOGUE.values() if one.followed),
+    key=lambda one: (FAMILIES.index(one.family), one.title),
 )
-"""Effects whose strength is followed over time, found missing or not."""
+"""Those whose strength is followed over time, found missing or not, as a reader looks for them."""
 
 Row = dict[str, Any]
 
@@ -168,20 +167,26 @@ def _parameters(result: Diagnosis) -> tuple[Row, dict[str, str]]:
             units[column + ending] = found.unit
 
     for key, found in result.final_parameters.items():
-        if key.split("@")[0] in MAIN_PARAMETERS or _effect_of(key) in result.final_model:
+        if key.split("@")[0] in MAIN_PARAMETERS or _is_of(key, result.final_model):
             keep(f"param.{key}", found)
     for candidate in result.candidates:
         known = find_effect(candidate.effect)
         if known is not None and not candidate.replaces:
             for name, found in candidate.parameters.items():
-                if name in known.unknowns or (candidate.effect in ALONE and not name.endswith("_deg")):
+                if name in known.unknowns:
                     keep(f"alone.{candidate.effect}.{name}", found)
     return columns, units
 
 
-def _effect_of(key: str) -> str:
-    """The effect that a parameter belongs to; a delay has a name of its own."""
-    return "transport_delay" if key == "delay" else key.split(".")[0]
+def _is_of(key: str, model: Sequence[str]) -> bool:
+    """Whether a parameter belongs to an effect of the model; a delay has a name of its own."""
+    return any(is_delay(name) if key == DELAY else key.split(".")[0] == name for name in model)
+
+
+def is_delay(name: str) -> bool:
+    """Whether the effect with this id is a delay of channels."""
+    one = find_effect(name)
+    return one is not None and one.special == "delay"
 
 
 MARK = b"fingerlab_batch"
@@ -360,7 +365,7 @@ CONFIDENCE = 0.9
 
 FOLLOWED = ("score", "final_score")
 FOLLOWED_PARAMETERS = (
-    "param.arm_mcp", "param.arm_pip", *(f"alone.{effect}." for effect in ALONE), "param.loss_mcp",
+    "param.arm_mcp", "param.arm_pip", *(f"alone.{one.id}." for one in FOLLOWED_EFFECTS), "param.loss_mcp",
     "param.loss_pip", "param.offset", "param.bench_gain", "param.bench_offset",
 )  # fmt: skip
 """Columns that are followed over time, by how their names begin: arms, friction, delay, losses, offset."""

@@ -72,7 +72,7 @@ from fingerlab.diagnosis.settings import (
     STANDING_LOAD,
     STILL_LEFT,
 )
-from fingerlab.effects import effect, whole_catalogue
+from fingerlab.effects import CATALOGUE, effect, whole_catalogue
 from fingerlab.effects.base import Effect
 from fingerlab.sessions.model import Array, Run, Session
 
@@ -179,10 +179,6 @@ def settle_constants(reduction: Reduction, scorer: Scorer) -> Scorer:
     return scorer if reduction.constants is None else scorer.with_constants(reduction.constants)
 
 
-LIKE_A_LAG = "motor_viscous_friction"
-"""At one pace an inertia's torque that comes late is what viscous friction takes."""
-
-
 def torque_is_late(reduction: Reduction, scorer: Scorer) -> bool:
     """Whether the torque of a motor alone is logged so far from its position that it has to be known.
 
@@ -201,7 +197,8 @@ def torque_is_late(reduction: Reduction, scorer: Scorer) -> bool:
         return True
     if not usual < lag < 0.99 * most:
         return False
-    rubs = effect(LIKE_A_LAG)  # also where it is not asked for, or left out of the catalogue
+    # Also where it is not asked for, or left out of the catalogue.
+    rubs = next(e for e in CATALOGUE.values() if e.like_late_torque)
     beside = Scorer(reduction.refined([rubs]))
     rubbing = beside.score_held_out(beside.fit_reweighted([Choice(rubs)], bare))
     return rubbing.misfit - lagging.misfit > 2.0 * DECIDING_LOG_ODDS

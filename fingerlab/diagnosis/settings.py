@@ -513,23 +513,7 @@ JOINT_SEARCH_LEVEL = 8.0
 """Squared score above one from which on many effects are looked for together: no usual path ends there but
 for something outside of the catalogue."""
 MOST_BEYOND = 2
-"""Effects that are looked for beside those of ``EVERYDAY`` on a bench that is far from its model; assumed."""
-EVERYDAY = (
-    "motor_inertia",
-    "routing_change",
-    "cable_slack",
-    "capstan_friction",
-    "cable_stretch",
-    "coulomb_friction",
-    "motor_coulomb_friction",
-    "viscous_friction",
-    "motor_viscous_friction",
-    "transport_delay",
-    "contact_angle",
-)
-"""What every bench has before anybody measured it, each by its plainest law: what turns has mass and rubs,
-dry and wet; a cable hangs loose, gives, rubs in its sheath, lies where it was put; channels pass devices; no
-face is straight. On a bench far from its model all is fitted first, in this order (kinematics); assumed."""
+"""Effects that are looked for beside ``effects.EVERYDAY`` on a bench that is far from its model; assumed."""
 LEAST_SHARE_OF_MANY = 0.1
 """Share of the misfit that each further one explains at least, of runs left out, also beside those that come
 after it; assumed. On benches as built torque ripple explains 0.15 to 0.3, effects not there mostly less."""

@@ -1,6 +1,6 @@
 """Coulomb friction in motor and gearbox."""
 
-from fingerlab.effects.base import Effect, Example, Formula, Row, rubbing
+from fingerlab.effects.base import BOTH_JOINTS, Effect, Example, Formula, Row, rubbing
 from fingerlab.effects.transmission import FRICTION, WINDING_SHAPES, coulomb_terms
 
 EFFECT = Effect(
@@ -12,13 +12,14 @@ EFFECT = Effect(
     columns=coulomb_terms,
     coordinate="motor speed",
     equation=Row.PIP,
-    explanation="Both joints miss the same tension, which flips sign with motor speed.",
+    explanation=f"{BOTH_JOINTS}, which flips sign with motor speed.",
     reveal="a motor-bench run without a finger",
     mend="Run the gearbox in and grease it, or choose a smaller ratio.",
     shapes=WINDING_SHAPES,
     shape_units={"travel_deg": "deg"},
     closer=rubbing(),
     bench=True,
+    followed={"coulomb": "Motor friction, Coulomb"},
     formula=Formula(
         equation=r"\tau_m = C\,z(\theta_m;\delta)",
         symbols="C: friction torque at the gearbox output. z: friction state of the winding, −1 to 1.",

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from fingerlab.effects.base import Effect, Example, Formula, Row, Shape, Term, dahl_or_masing
+from fingerlab.effects.base import BOTH_JOINTS, Effect, Example, Formula, Row, Shape, Term, dahl_or_masing
 from fingerlab.effects.transmission import FRICTION, drive_terms, winding_state
 from fingerlab.physics.friction_states import dahl_states, with_grid
 from fingerlab.physics.motion import Motion
@@ -33,7 +33,7 @@ EFFECT = Effect(
     columns=columns,
     coordinate="motor speed",
     equation=Row.PIP,
-    explanation="Both joints miss the same tension; it builds up over a small travel after a reversal.",
+    explanation=f"{BOTH_JOINTS}; it builds up over a small travel after a reversal.",
     reveal="small sines, 1 to 5 degrees, on the motor bench",
     mend="Reverse less often, or add a small dither to the motor's command.",
     shapes=tuple({"travel_deg": value} for value in PRESLIDING_TRAVELS_DEG),

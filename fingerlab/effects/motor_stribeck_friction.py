@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from fingerlab.effects.base import (
+    BOTH_JOINTS,
     OCTAVE,
     SPEED_FACTORS,
     Effect,
@@ -53,7 +54,7 @@ EFFECT = Effect(
     columns=columns,
     coordinate="motor speed",
     equation=Row.PIP,
-    explanation="Both joints miss the same tension; it flips sign with motor speed, larger when slow.",
+    explanation=f"{BOTH_JOINTS}; it flips sign with motor speed, larger when slow.",
     reveal="a chirp from 0.1 to 3 Hz on the motor bench",
     mend="Grease the gearbox, and keep the motor from creeping: it is largest at low speed.",
     shapes=SPEEDS,

@@ -28,6 +28,7 @@ from fingerlab.core.text import (
 )
 from fingerlab.diagnosis.equations.parameters import is_loss
 from fingerlab.diagnosis.score.calibration import Verdict
+from fingerlab.effects import CATALOGUE
 from fingerlab.report.diagnosis_words import NOTHING_WORDS, UNKNOWN_WORDS, effect_title, in_sentence, listed
 from fingerlab.report.parameter_words import SHORT_TITLES, parameter_title
 from fingerlab.report.score_words import PHASE_WORDS
@@ -161,13 +162,7 @@ Row = dict[str, Any]
 COLUMN_WORDS = {
     "score": "Error / floor",
     "final_score": "Error / floor, effects added",
-    "alone.coulomb_friction.coulomb_mcp": "MCP friction, Coulomb",
-    "alone.coulomb_friction.coulomb_pip": "PIP friction, Coulomb",
-    "alone.viscous_friction.viscous_mcp": "MCP friction, viscous",
-    "alone.viscous_friction.viscous_pip": "PIP friction, viscous",
-    "alone.motor_coulomb_friction.coulomb": "Motor friction, Coulomb",
-    "alone.motor_viscous_friction.viscous": "Motor friction, viscous",
-    "alone.transport_delay.delay": "Delay",
+    **{f"alone.{one.id}.{name}": words for one in CATALOGUE.values() for name, words in one.followed.items()},
 }
 
 

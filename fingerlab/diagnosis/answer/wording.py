@@ -377,10 +377,7 @@ def _said(fitted: FittedModel, effect: Effect) -> str:
     if on_bench and effect.of_an_axis is not None:
         shape = next(c.shape for c in fitted.choices if c.effect is effect)
         return effect.of_an_axis(effect.shapes[shape])
-    return effect.explanation.replace(BOTH_JOINTS, ON_BENCH) if on_bench else effect.explanation
-
-
-BOTH_JOINTS, ON_BENCH = "Both joints miss the same tension", "The motor's equation misses a torque"
+    return effect.explanation_alone if on_bench else effect.explanation
 
 
 def _grid_value(estimate: ParameterEstimate) -> str:
