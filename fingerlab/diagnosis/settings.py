@@ -624,13 +624,8 @@ DRAFT_ENDS_DEG = (2.5, 5.0, 10.0)
 """The last part of a joint's travel, degrees, in which an end may be met; assumed."""
 DRAFT_DELAYS_S = (0.01, 0.04, 0.16)
 """Times by which channels may be late, s; assumed, up to the 0.16 s of the thesis."""
-DRAFT_LOOSE_N = 0.12
-"""Tension below which a cable may hang loose, N; as for cable_slack, and looked for about it."""
 DRAFT_LATE_S = 0.012
 """Time by which a damper makes a cable's stretch late, s; assumed: the middle of the catalogue's."""
-DRAFT_ORDERS = tuple(float(n) for n in (*range(4, 41, 2), *range(44, 61, 4)))
-"""Periods a turn of a finger's motor at which a torque may repeat, as the catalogue's ripple; of a motor
-alone the spectrum over its angle tells."""
 DRAFT_RANGE = 10.0
 """A coefficient lies within so many times what would make its term as large as all that is measured."""
 DRAFT_LEAST = 0.5

@@ -395,6 +395,10 @@ def every(*closer: Closer) -> Closer:
     return combined
 
 
+PRESLIDING_TRAVELS_DEG = (1.0, 2.0, 4.0, 8.0)
+"""Travel over which what winds up before it slides lets go, degrees at the joint or the pulley; assumed."""
+
+
 def dahl_or_masing(shape: Shape) -> list[Shape]:
     """Presliding over other travels: by Dahl's law, or by spring-sliders (Masing) of three virgin curves."""
     masing, evenly = either("masing", (1.0,)), rubbing(FINE_OCTAVE, (0.5,))

@@ -20,7 +20,7 @@ import numpy as np
 
 from fingerlab.core.errors import UserError
 from fingerlab.core.text import amount
-from fingerlab.diagnosis.settings import WIDE_RATE_HZ
+from fingerlab.diagnosis.settings import WIDE_RATE_HZ, Z90
 from fingerlab.diagnosis.signals.filters import low_pass_kernel
 from fingerlab.diagnosis.signals.scales import reduced_rig, reduced_run
 from fingerlab.diagnosis.signals.segments import segments_of
@@ -55,8 +55,6 @@ LEAST_SHARE = 0.1
 LEAST_GAIN = 0.1
 """Share by which a practice has to miss less with the found torque, for any of it to be sent (assumed: two
 runs of one bench differ by less)."""
-SIGMAS_90 = 1.645
-"""Half the 90 % interval of a normal distribution, in standard deviations."""
 
 
 def learned_in(run: Run) -> float:
@@ -306,7 +304,7 @@ def between(nominal: TorquePlan, found: TorquePlan, share: float, rig: Rig) -> T
 def own_error(model: ExtendedModel) -> float:
     """Error of the found model on held-out runs, one standard deviation, N; NaN where it is unknown."""
     band = model.extended.band
-    return math.nan if band is None else float(np.mean(band.widths)) / SIGMAS_90
+    return math.nan if band is None else float(np.mean(band.widths)) / Z90
 
 
 def judged_feed(

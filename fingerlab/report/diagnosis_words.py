@@ -18,6 +18,7 @@ from fingerlab.core.text import (
     significant,
 )
 from fingerlab.core.text import in_sentence as in_sentence
+from fingerlab.core.text import listed as listed
 from fingerlab.diagnosis.answer.error_parts import Comparison
 from fingerlab.diagnosis.answer.results import Candidate, Diagnosis, Failure, OtherModel
 from fingerlab.diagnosis.answer.where import COORDINATES, JOINTS, Profile
@@ -71,11 +72,6 @@ def effect_title(effect: str) -> str:
     """An effect's title by its id."""
     one = find_effect(effect)
     return effect.replace("_", " ").capitalize() if one is None else one.title
-
-
-def listed(words: Sequence[str]) -> str:
-    """``a``, ``a and b``, ``a, b and c``."""
-    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else list(words))
 
 
 def _names(effects: Sequence[str]) -> str:

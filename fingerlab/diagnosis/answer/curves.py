@@ -16,7 +16,15 @@ from fingerlab.diagnosis.gram.decimation import Decimated, counted
 from fingerlab.diagnosis.gram.sums import Group, Reduced
 from fingerlab.diagnosis.score.evidence import Evidence
 from fingerlab.diagnosis.score.fitted_model import FittedModel
-from fingerlab.diagnosis.settings import BINS, NARROW_RATE_HZ, SHOWN_STRETCHES, SLACK_SPREAD_M, Z90
+from fingerlab.diagnosis.settings import (
+    BINS,
+    LEAST_SAMPLES,
+    NARROW_RATE_HZ,
+    OUTLYING,
+    SHOWN_STRETCHES,
+    SLACK_SPREAD_M,
+    Z90,
+)
 from fingerlab.diagnosis.signals.conditions import GroupKey, group_key
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE, decimate
 from fingerlab.diagnosis.signals.scales import SI, Scales
@@ -380,12 +388,13 @@ def _period(fitted: FittedModel) -> float:
 
 
 def _binned(effect: Effect, row: Row, place: Array, residual: Array, explained: Array) -> Fingerprint | None:
-    edges = np.linspace(float(np.quantile(place, 0.005)), float(np.quantile(place, 0.995)), BINS + 1)
+    low, high = np.quantile(place, (OUTLYING, 1.0 - OUTLYING))
+    edges = np.linspace(float(low), float(high), BINS + 1)
     if not edges[-1] > edges[0]:
         return None
     number = np.clip(np.digitize(place, edges) - 1, 0, BINS - 1)
     counts = np.bincount(number, minlength=BINS)
-    full = counts >= 4
+    full = counts >= LEAST_SAMPLES
     divisor = np.maximum(counts, 1)
 
     def mean(values: Array) -> Array:

@@ -24,6 +24,7 @@ from fingerlab.diagnosis.settings import (
     OUTLYING,
     PHASE_BINS,
     SHORTEST_S,
+    Z90,
 )
 from fingerlab.sessions.model import Array, Run
 from fingerlab.signals.prepare import LEAST_FOR_SPECTRUM, amplitude_density
@@ -103,7 +104,6 @@ def profile(comparisons: Sequence[Comparison], equation: str, coordinate: str) -
     Returns:
         None where the runs do not tell the coordinate (a bench has no joint) or never vary it.
     """
-    from fingerlab.diagnosis.settings import Z90
     from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
 
     chosen = COORDINATES[coordinate]
