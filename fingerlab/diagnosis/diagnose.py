@@ -57,7 +57,7 @@ from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.score.selection import justified, lacks_fit
 from fingerlab.diagnosis.search.exchange import ExchangedModel, odds_of_rivals
 from fingerlab.diagnosis.search.grid_refinement import fit_refined, with_shapes_of
-from fingerlab.diagnosis.search.next_effect import fitted_to_the_end, held_back
+from fingerlab.diagnosis.search.next_effect import at_edges, fitted_to_the_end
 from fingerlab.diagnosis.search.strategy import Found, Question, Stages, search_effects
 from fingerlab.diagnosis.settings import (
     CONSTANTS_ROUNDS,
@@ -171,7 +171,7 @@ def settle_constants(reduction: Reduction, scorer: Scorer) -> Scorer:
     if reduction.late_torque:
         scorer = scorer.with_late_torque()
     if reduction.constants is None and not reduction.settled:
-        free = Scorer(replace(scorer.reduced, held={})) if scorer.reduced.held else scorer
+        free = Scorer(replace(scorer.reduced, fixed={})) if scorer.reduced.fixed else scorer
         bare, rig = free.bare, reduction.sessions[0].rig
         reduction.settle(
             find_constants(scorer.reduced, bare.model, bare.fit.values, bare.weights, rig, reduction.motions)
@@ -213,7 +213,7 @@ def check_held(reduction: Reduction, scorer: Scorer, given: Sequence[Effect]) ->
     reduced = scorer.reduced
     free = build(reduced.layout, reduced.groups, [Choice(one) for one in given])
     known = {u.key: u.parameter for u in free.unknowns}
-    for key, value in reduction.held.items():
+    for key, value in reduction.fixed.items():
         if key not in known:
             raise UserError(f"This model has no parameter '{key}' to hold; it has {', '.join(known)}.")
         size = reduced.layout.scales.of(known[key].unit)
@@ -293,7 +293,7 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
     usual = session_features(runs, errors.values(), evidence.base.score, path[-1].score)
     probabilities, calibration = calibrated(evidence.odds, verdict, *usual)
     probability = dict(zip(evidence.odds.answers, map(float, probabilities), strict=True))
-    stuck = held_back(scorer, evidence)
+    stuck = at_edges(scorer, evidence)
     chosen = _cannot_be_ruled_out(evidence, calibration, probability)
     chosen += [i for i in stuck if i not in chosen]
     reduction, by_last = question.reduction, found.refined or scorer
@@ -348,7 +348,7 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
         odds=evidence.odds,
         predicted=None if following is None else following.predicted,
         paired=_paired(question.reduction, scorer, evidence, chosen),
-        held=dict(reduction.held),
+        held=dict(reduction.fixed),
         constants=reduction.constants,
         fitted=evidence.base,
         last=path[-1],

@@ -22,7 +22,7 @@ PACE_SAMPLES = 65536
 LEAST_RATE_HZ = 60.0
 """Samples in a reduced second at least: seven in a cycle of the narrow cutoff, below which the band itself is
 lost; assumed."""
-HELD_SAMPLES = 4096
+READ_SAMPLES = 4096
 """So many samples of a run tell how often its channels are read."""
 LEAST_READINGS = 64
 """A position with fewer readings in these does not show the motion; assumed."""
@@ -111,11 +111,11 @@ MOST_SPIKES_SHARE = 0.02
 
 LEAST_SPIKES = 5
 """Fewer spikes of a channel in all runs are left aside without a word."""
-HELD_STEPS = 4.0
+JUMP_STEPS = 4.0
 """So many steps of its own a channel has to jump for the next sample to be asked whether it moves on."""
 STANDING_SHARE = 0.75
 """... and in so many jumps it must not: one that is read with each sample does in nearly all; assumed."""
-LEAST_HELD = 20
+LEAST_JUMPS = 20
 """With fewer jumps nothing is said of how often a channel is read; assumed."""
 
 # ## Channels whose sense is turned

@@ -123,7 +123,7 @@ def test_friction_of_each_run_s_own_costs_a_fit_what_it_costs_the_best_of_its_si
     values = trial.fit.values.copy()
     values[places] = 3e-5  # what the joints of this bench would hardly do, and not beyond what runs differ by
     usual, fitter = (Fitter(trial.model, scorer.data, trial.weights) for _ in range(2))
-    fitter.hold(values, trusted=True)
+    fitter.set_friction_weights(values, trusted=True)
 
     def least(i: int, k: int) -> float:
         group = reduced.groups[i]

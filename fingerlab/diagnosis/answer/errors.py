@@ -427,7 +427,7 @@ class ParameterExplorer:
 
     def _listed(self, diagnosis: Diagnosis, reduction: Reduction) -> tuple[FittedParameter, ...]:
         named = sources_of(reduction.rig)
-        free = self._scorer.reduced.held and Scorer(replace(self._scorer.reduced, held={}))
+        free = self._scorer.reduced.fixed and Scorer(replace(self._scorer.reduced, fixed={}))
         ranges = free.model(self.model.choices, self.model.tip_law).unknowns if free else self.model.unknowns
         found = []
         for unknown in ranges:
@@ -462,9 +462,9 @@ class ParameterExplorer:
         for key, value in moved.items():
             values[index[key]] = value / self._size(self.model.unknowns[index[key]].parameter.unit)
         if follow:
-            held = self.model.holding({key: float(values[index[key]]) for key in moved})
+            fixed = self.model.fixing({key: float(values[index[key]]) for key in moved})
             with threadpool_limits(limits=1, user_api="blas"):
-                fitter = Fitter(held, self._scorer.data, self._weights)
+                fitter = Fitter(fixed, self._scorer.data, self._weights)
                 values = fitter.run(values, FULL_ITERATIONS).values
         return self._judged(values)
 

@@ -26,7 +26,7 @@ from fingerlab.diagnosis.settings import (
     Z90,
 )
 from fingerlab.diagnosis.signals.channel_checks import torque_of_an_ampere
-from fingerlab.diagnosis.signals.filters import BRIDGED, CUT_OUT, HELD, SPIKE, UNEVEN, Repair
+from fingerlab.diagnosis.signals.filters import BRIDGED, CUT_OUT, REPEATED, SPIKE, UNEVEN, Repair
 from fingerlab.diagnosis.signals.scales import as_recorded
 from fingerlab.effects import find_effect
 from fingerlab.effects.base import Effect, Row
@@ -50,7 +50,7 @@ def bench_findings(
         *_skew(reduction, last),
         *_spikes(reduction),
         *_lost(reduction),
-        *_held(reduction),
+        *_repeated(reduction),
     )
 
 
@@ -189,11 +189,11 @@ def _lost(reduction: Reduction) -> list[BenchFinding]:
     return result
 
 
-def _held(reduction: Reduction) -> list[BenchFinding]:
+def _repeated(reduction: Reduction) -> list[BenchFinding]:
     """Channels that are logged more often than they are read."""
     result = []
-    for channel in _channels_with(reduction, HELD):
-        runs, names, count = _put_right(reduction, (HELD, channel))
+    for channel in _channels_with(reduction, REPEATED):
+        runs, names, count = _put_right(reduction, (REPEATED, channel))
         every = sum(reduction.analysed[n].length for n in runs)
         said = (
             f"Channel '{channel}' is logged more often than it is read: of {every:,} samples in "

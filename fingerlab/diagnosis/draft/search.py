@@ -150,8 +150,8 @@ class Remainder:
 
     def _scorer(self, offered: Sequence[Effect]) -> Scorer:
         reduced = self._reduction.refined([*self.effects, *offered], self._watch)
-        held = self._reduction.held
-        scorer = Scorer(replace(reduced, constants=self._reduction.constants, held=held))
+        fixed = self._reduction.fixed
+        scorer = Scorer(replace(reduced, constants=self._reduction.constants, fixed=fixed))
         return scorer if all(group.repeats for group in scorer.reduced.groups) else scorer.in_floors()
 
     def _effect(self, term: DraftTerm) -> Effect:

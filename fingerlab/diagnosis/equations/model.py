@@ -91,7 +91,7 @@ class Model:
         delayed: whether the motor's channels may be late by more than a millisecond.
         tip_law: which of ``features.TIP_LAWS`` it holds.
         tie: holds the two cables' moment arms together; None: they are free.
-        held: values that somebody holds unknowns at, by key, in the fit's units.
+        fixed: values that somebody holds unknowns at, by key, in the fit's units.
     """
 
     layout: Layout
@@ -103,16 +103,16 @@ class Model:
     tip_law: str
     index: dict[str, int]
     tie: ArmRatioPenalty | None = None
-    held: Mapping[str, float] = field(default_factory=dict)
+    fixed: Mapping[str, float] = field(default_factory=dict)
 
-    def holding(self, held: Mapping[str, float]) -> Model:
-        """The model with unknowns held at values, by key, in the fit's units; other keys are passed over."""
-        held = {key: value for key, value in held.items() if key in self.index}
+    def fixing(self, fixed: Mapping[str, float]) -> Model:
+        """The model with unknowns fixed at values, by key, in the fit's units; other keys are passed over."""
+        fixed = {key: value for key, value in fixed.items() if key in self.index}
         unknowns = list(self.unknowns)
-        for key, value in held.items():
+        for key, value in fixed.items():
             one = unknowns[self.index[key]]
             unknowns[self.index[key]] = replace(one, parameter=replace(one.parameter, low=value, high=value))
-        return replace(self, unknowns=tuple(unknowns), held={**self.held, **held}) if held else self
+        return replace(self, unknowns=tuple(unknowns), fixed={**self.fixed, **fixed}) if fixed else self
 
     @cached_property
     def terms(self) -> Coefficients:

@@ -22,8 +22,8 @@ from fingerlab.diagnosis.experiment.separation import (
     SessionFeatures,
     apart,
     columns_of_run,
+    effects_in,
     gain_calibration,
-    held_by,
     outlook,
     predict_run,
     run_kind,
@@ -453,7 +453,7 @@ def _runs(
         motion = proposal.motion
         name = motion.phase, motion.cable_sign, motion.intervention is None
         if name not in kinds:
-            kinds[name] = run_kind(sessions[0], motion, held_by(candidates, motion), beside)
+            kinds[name] = run_kind(sessions[0], motion, effects_in(candidates, motion), beside)
         if proposal.before is None:
             yield proposal, predict_run(motion, kinds[name])
             continue

@@ -71,7 +71,7 @@ class RunKind:
         key = (fitted.model.tip_law, *((c.effect.id, c.shape) for c in choices))
         if key not in self._models:
             self._models[key] = build(self.layout, [self.group], choices, fitted.model.tip_law)
-        return self._models[key].holding(fitted.model.held)
+        return self._models[key].fixing(fitted.model.fixed)
 
     def contrast(self, truth: FittedModel, rival: FittedModel, temperature: float) -> Contrast:
         """What two models predict of such a run; each pair is asked for every run and length."""
@@ -214,7 +214,7 @@ def apart(
     return Apart(max(float(gap @ products @ gap - pull @ moved) - zero, 0.0), zero)
 
 
-def held_by(candidates: Sequence[FittedModel], motion: Motion) -> list[Effect]:
+def effects_in(candidates: Sequence[FittedModel], motion: Motion) -> list[Effect]:
     """Effects of all the models, each once, that act in such a run."""
     every = {c.effect.id: c.effect for t in candidates for c in t.choices}
     return [e for e in every.values() if e.bench or motion.finger is not None]

@@ -307,7 +307,9 @@ class Data:
             self._at_rest[i] = known
         return known[1]
 
-    def held(self, i: int, model: Model, coefficients: Array, weights: Array) -> tuple[Array, float] | None:
+    def stiction_weights(
+        self, i: int, model: Model, coefficients: Array, weights: Array
+    ) -> tuple[Array, float] | None:
         """What friction that sticks does to group ``i`` where the motor stands; None: nothing.
 
         The change of the weights, (5, 5), beside the encoder's, and by how much the logarithm of the density

@@ -150,15 +150,15 @@ def _within(curvatures_of_folds: Array, unconstrained: Array, bound: float) -> t
     side = np.sign(unconstrained) * (np.abs(unconstrained) > bound)
     one = np.eye(unconstrained.shape[1])
     for _ in range(PIVOTING_ROUNDS):
-        held = side != 0
-        off = np.where(held, side * bound - unconstrained, 0.0)
-        both = ~held[:, :, None] & ~held[:, None, :]
-        pull = np.where(held, 0.0, -_times(curvatures_of_folds, off))
+        at_bound = side != 0
+        off = np.where(at_bound, side * bound - unconstrained, 0.0)
+        both = ~at_bound[:, :, None] & ~at_bound[:, None, :]
+        pull = np.where(at_bound, 0.0, -_times(curvatures_of_folds, off))
         off += np.linalg.solve(np.where(both, curvatures_of_folds, one), pull[:, :, None])[:, :, 0]
         stands = unconstrained + off
         pushed = side * _times(curvatures_of_folds, off) < 0.0
         out = np.sign(stands) * (np.abs(stands) > bound * (1.0 + 1e-12))
-        following = np.where(held, side * pushed, out)
+        following = np.where(at_bound, side * pushed, out)
         open_ones = np.flatnonzero((following != side).any(axis=1))
         if not len(open_ones):
             break
@@ -169,8 +169,8 @@ def _within(curvatures_of_folds: Array, unconstrained: Array, bound: float) -> t
             stands[k] = bounded_step(
                 at, -curvatures_of_folds[k] @ unconstrained[k], curvatures_of_folds[k], -most, most
             )
-        held = np.abs(stands) >= bound * (1.0 - 1e-9)
-    return stands, ~held
+        at_bound = np.abs(stands) >= bound * (1.0 - 1e-9)
+    return stands, ~at_bound
 
 
 def _times(matrices: Array, vectors: Array) -> Array:

@@ -44,8 +44,8 @@ from fingerlab.diagnosis.settings import (
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
 from fingerlab.sessions.model import Array
 
-HELD = 1e12
-"""Weight of the prior of an unknown that is held: its deviation is a millionth of what it usually is."""
+FIXED_WEIGHT = 1e12
+"""Weight of the prior of an unknown that is fixed: its deviation is a millionth of what it usually is."""
 
 
 @dataclass(frozen=True)
@@ -103,10 +103,10 @@ class Fitter:
         self._stacked: Weighted | None = None
         self._cables = tuple(g.cable_sign for g in data.groups)
         self._whole: tuple[Array, list[tuple[Array, Array]], tuple[Array, Array]] | None = None
-        self.sticks = bool(model.stiction) and any(g.whole.rest is not None for g in data.groups)
-        self.widening = 0.0  # see Data.held, all groups together
-        self._held: list[Array | None] = [None] * len(data.groups)
-        self.wanders = bool(model.run_varying) or bool(model.set_down.any())
+        self.has_stiction = bool(model.stiction) and any(g.whole.rest is not None for g in data.groups)
+        self.widening = 0.0  # see Data.stiction_weights, all groups together
+        self._stiction: list[Array | None] = [None] * len(data.groups)
+        self.has_random_effects = bool(model.run_varying) or bool(model.set_down.any())
         self._own: dict[int, list[RandomEffects]] = {}  # by group
         self._still: dict[int, Array] = {}
         self._weight: dict[int, Array] = {}
@@ -238,31 +238,31 @@ class Fitter:
         """How the weights of group ``i`` change where the motor stands, (5, 5)."""
         if i not in self._still:
             self._still[i] = self.data.standing(i, self.weights[self.data.groups[i].key])
-        held = self._held[i]
-        return self._still[i] if held is None else self._still[i] + held
+        stiction = self._stiction[i]
+        return self._still[i] if stiction is None else self._still[i] + stiction
 
-    def hold(self, values: Array, apart: bool = True, trusted: bool = False) -> None:
+    def set_friction_weights(self, values: Array, apart: bool = True, trusted: bool = False) -> None:
         """Weigh the moments at rest, and what differs from run to run, as the friction of ``values`` does.
 
         ``apart``: whether what is a run's own is set apart; ``trusted``: as if the model left nothing.
         """
-        if not (self.sticks or self.wanders):
+        if not (self.has_stiction or self.has_random_effects):
             return
         coefficients = self.model.features_of(values, self._cables)
         self._stacked = self._whole = None
-        if self.sticks:
+        if self.has_stiction:
             found = [
-                self.data.held(i, self.model, coefficients[i], self.weights[g.key])
+                self.data.stiction_weights(i, self.model, coefficients[i], self.weights[g.key])
                 for i, g in enumerate(self.data.groups)
             ]
-            self._held = [None if one is None else one[0] for one in found]
+            self._stiction = [None if one is None else one[0] for one in found]
             self.widening = sum(one[1] for one in found if one is not None)
             resting = {i for i, one in enumerate(found) if one is not None}  # others are weighed as before
             self._parts = {key: one for key, one in self._parts.items() if key[0] not in resting}
             self._folds = {i: one for i, one in self._folds.items() if i not in resting}
             self._change = {i: one for i, one in self._change.items() if i not in resting}
             self._constants = {i: one for i, one in self._constants.items() if i not in resting}
-        if self.wanders and apart:
+        if self.has_random_effects and apart:
             self._own = self._random_effects(values, coefficients, trusted)
             if not trusted:
                 self._own = self._weighed(self._own, coefficients)
@@ -331,8 +331,8 @@ class Fitter:
             u.open or (u.name in LOSSES and u.cable in pressed) or (u.key == DELAY and self.model.delayed)
             for u in self.model.unknowns
         ]
-        held = [u.key in self.model.held for u in self.model.unknowns]
-        return np.where(held, HELD, np.where(weak, WEAK_PRIOR, 1.0))
+        fixed = [u.key in self.model.fixed for u in self.model.unknowns]
+        return np.where(fixed, FIXED_WEIGHT, np.where(weak, WEAK_PRIOR, 1.0))
 
     def run(self, start: Array | None = None, iterations: int = 12) -> Fit:
         """Newton steps with halving from ``start``; stops when the cost no longer falls.
@@ -341,15 +341,15 @@ class Fitter:
         so that size is found first.
         """
         known = self._mean if start is None else start
-        if not (self.sticks or self.wanders):
+        if not (self.has_stiction or self.has_random_effects):
             return self._run(known, iterations)
-        self.hold(known, trusted=True)
+        self.set_friction_weights(known, trusted=True)
         fit = self._run(known, iterations)
         if self._own and fit.cost < -EFFECTIVE_SHARE * sum(g.samples for g in self.data.groups):
             return self._together(known, iterations)
         if iterations < SETTLING_ITERATIONS:
             return fit
-        self.hold(fit.values)
+        self.set_friction_weights(fit.values)
         fit = self._run(fit.values, iterations)
         return replace(fit, with_own=self._information_with_own(fit.values)) if self._own else fit
 
@@ -359,7 +359,7 @@ class Fitter:
         Where what the runs have of their own takes away more than there is, noise was taken from a fold that
         does not hold it: such a cost has no least value, and a fit runs away along it.
         """
-        self.wanders, self._own, self._stacked, self._whole = False, {}, None, None
+        self.has_random_effects, self._own, self._stacked, self._whole = False, {}, None, None
         return self.run(start, iterations)
 
     def _information_with_own(self, values: Array) -> Array:
@@ -456,8 +456,8 @@ class Fitter:
         gradient = self._stiffness * (values - self._mean)
         information = np.diag(self._stiffness)
         if self.model.tie is not None:
-            pull, hold = self.model.tie.expansion(values)
-            gradient, information = gradient + pull, information + hold
+            pull, curvature = self.model.tie.expansion(values)
+            gradient, information = gradient + pull, information + curvature
         sums = self.stacked()
         h, jacobian = self.coefficients(values)
         across = jacobian.reshape(-1, len(values)).T

@@ -271,9 +271,9 @@ def decimated_again(segment: CachedSegment, effects: Sequence[Effect], asked: As
     rows[segment.live] = np.arange(len(segment.live))
     known = asked.cached >= 0
     places = np.flatnonzero(known)
-    held = rows[asked.cached[places]]
-    places, held = places[held >= 0], held[held >= 0]
-    low[places] = segment.low[held]
+    cached = rows[asked.cached[places]]
+    places, cached = places[cached >= 0], cached[cached >= 0]
+    low[places] = segment.low[cached]
     wanted = [effects[k] for k in asked.formed]
     # Positions of their features, in the order in which the columns come.
     signals = np.concatenate([asked.features[k] for k in asked.formed] or [np.zeros(0, dtype=int)])

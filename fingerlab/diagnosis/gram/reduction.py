@@ -67,7 +67,7 @@ class Reduction:
         constants: that every run has of its own, for what is asked now; None: none.
         settled: whether they were looked for under the bare model.
         late_torque: whether the torque of a motor alone was found to be logged later than its position.
-        held: values that somebody holds unknowns of every model at, by key, SI.
+        fixed: values that somebody holds unknowns of every model at, by key, SI.
         repairs: samples that were put right, by number of the run, how and channel; samples: that it has.
     """
 
@@ -90,7 +90,7 @@ class Reduction:
         self._settled_constants: RunConstants | None = None
         self.settled = False
         self.late_torque = False
-        self.held: Mapping[str, float] = {}
+        self.fixed: Mapping[str, float] = {}
         self.repairs: dict[int, Mapping[Repair, int]] = {}
         self.samples: dict[int, float] = {}
         self._forget()
@@ -109,18 +109,18 @@ class Reduction:
     def _pairs(self) -> list[tuple[Session, Run]]:
         return runs_to_analyse(self.sessions)[0]
 
-    def restart(self, held: Mapping[str, float] | None = None) -> None:
+    def restart(self, fixed: Mapping[str, float] | None = None) -> None:
         """Begin a call that asks for nothing that another left: no constants but those of the bare model."""
-        self.held, self.constants = dict(held or {}), self._settled_constants
+        self.fixed, self.constants = dict(fixed or {}), self._settled_constants
 
     def settle(self, constants: RunConstants | None) -> None:
         """Keep what was found under the bare model."""
         self.constants = self._settled_constants = constants
         self.settled = True
 
-    def resume(self, held: Mapping[str, float], constants: RunConstants | None) -> None:
-        """Go on from an answer: what it held, and the constants of its runs."""
-        self.held, self.constants = held, constants
+    def resume(self, fixed: Mapping[str, float], constants: RunConstants | None) -> None:
+        """Go on from an answer: what it had fixed, and the constants of its runs."""
+        self.fixed, self.constants = fixed, constants
 
     def _forget(self) -> None:
         self._cache = SegmentCache(self._executor)
@@ -246,7 +246,7 @@ class Reduction:
         # Missing noise is filled in by whoever asks.
         groups = [replace(g) for g in known.groups]
         layout = replace(known.layout, late_torque=self.late_torque)
-        return replace(known, layout=layout, groups=groups, constants=self.constants, held=self.held)
+        return replace(known, layout=layout, groups=groups, constants=self.constants, fixed=self.fixed)
 
     def shown(self, effects: Sequence[Effect], keep: Keep) -> None:
         """Show ``keep`` every segment as it passes, with the columns of few effects, formed anew."""
@@ -264,12 +264,12 @@ class Reduction:
         """What ``work`` finds in the sums over these effects alone, or found in them before.
 
         It may depend on the effects, the ``shapes`` that it begins at, the constants of the runs and what is
-        held, and on nothing else.
+        fixed, and on nothing else.
         """
         key = (
             tuple((*_key(e), e.widened) for e in effects),
             None if self.constants is None else self.constants.key,
-            tuple(sorted(self.held.items())),
+            tuple(sorted(self.fixed.items())),
             self.late_torque,
             tuple(shapes),
         )
@@ -346,7 +346,7 @@ class Reduction:
         radius = 1.0 if self._on_bench else pairs[0][0].rig.motor.pulley_radius or 1.0
         changed = tuple(self._changed_pairs(runs, effects, each, whole.signal_count))
         every = list(groups.values())
-        return Reduced(whole, every, self._on_bench, radius, self.constants, self.held, changed)
+        return Reduced(whole, every, self._on_bench, radius, self.constants, self.fixed, changed)
 
     def _changed_pairs(
         self, runs: Sequence[Run], effects: Sequence[Effect], asked: Sequence[Asked], size: int

@@ -200,8 +200,8 @@ def _decimated(
 def _products(low: Decimated, live: Array) -> tuple[Sums, Array]:
     """Sums over one stretch, of products of its live signals, (live, n), and of these, (3, live)."""
     taut = int(low.taut.sum())
-    held = low.taut & low.rest
-    loose, still = live[:, ~low.taut], live[:, held]
+    resting = low.taut & low.rest
+    loose, still = live[:, ~low.taut], live[:, resting]
     sums = Sums(
         live @ live.T,
         loose @ loose.T if loose.shape[1] else None,
@@ -209,7 +209,7 @@ def _products(low: Decimated, live: Array) -> tuple[Sums, Array]:
         len(low.taut) - taut,
         still @ still.T if still.shape[1] else None,
         still.shape[1],
-        int(np.count_nonzero(np.diff(held, prepend=False) & held)),
+        int(np.count_nonzero(np.diff(resting, prepend=False) & resting)),
     )
     return sums, np.stack([signals.sum(axis=1) for signals in (live, loose, still)])
 

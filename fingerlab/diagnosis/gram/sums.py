@@ -552,7 +552,7 @@ class PairSums:
 class Reduced:
     """All that the diagnosis needs of the sessions; ``on_bench``: all runs are of the motor alone.
 
-    ``constants`` are those that every run has of its own; None: none was found. ``held``: values that
+    ``constants`` are those that every run has of its own; None: none was found. ``fixed``: values that
     somebody holds unknowns of every model at, by key, SI. ``pairs`` are of runs before a known change of the
     machine and with it.
     """
@@ -562,7 +562,7 @@ class Reduced:
     on_bench: bool
     radius: float  # of the pulley, m; 1 on a bench without one
     constants: RunConstants | None = None
-    held: Mapping[str, float] = field(default_factory=dict)
+    fixed: Mapping[str, float] = field(default_factory=dict)
     pairs: tuple[PairSums, ...] = ()
 
     @property

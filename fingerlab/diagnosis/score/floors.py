@@ -33,7 +33,7 @@ def weights_at_floor(reduction: Reduction, fitted: FittedModel) -> Weights:
     """
     effects = at_found_shapes(fitted)
     reduced = reduction.by_state(effects)
-    scorer = Scorer(replace(reduced, constants=reduction.constants, held=reduction.held))
+    scorer = Scorer(replace(reduced, constants=reduction.constants, fixed=reduction.fixed))
     model = scorer.model([Choice(effect) for effect in effects], fitted.model.tip_law)
     values = np.array([fitted.values[u.key] for u in model.unknowns])
     found = {}

@@ -111,9 +111,9 @@ class Scorer:
         if key not in self._models:
             layout = self.reduced.layout
             model = build(layout, self.reduced.groups, choices, law)
-            self._models[key] = model.holding(
-                {u.key: self.reduced.held[u.key] / layout.scales.of(u.parameter.unit)
-                 for u in model.unknowns if u.key in self.reduced.held}
+            self._models[key] = model.fixing(
+                {u.key: self.reduced.fixed[u.key] / layout.scales.of(u.parameter.unit)
+                 for u in model.unknowns if u.key in self.reduced.fixed}
             )  # fmt: skip
         return self._models[key]
 
@@ -344,7 +344,7 @@ class Scorer:
         key = (*_model_key(fitted.model.tip_law, fitted.choices), fitted.fit.values.tobytes())
         if key not in self._fitters:
             fitter = Fitter(fitted.model, self.data, fitted.weights)
-            fitter.hold(fitted.fit.values)
+            fitter.set_friction_weights(fitted.fit.values)
             self._fitters[key] = fitter
         return self._fitters[key]
 

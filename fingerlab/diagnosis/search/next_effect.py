@@ -58,7 +58,8 @@ class ScoreTest:
         model, values = base.model, base.fit.values
         self.layout = model.layout
         fitter = Fitter(model, data, base.weights)
-        fitter.hold(values, apart=False)  # as the sums of single features, which hold all of every run
+        # As the sums of single features, which hold all of every run.
+        fitter.set_friction_weights(values, apart=False)
         gradient, information = fitter.normal_equations(values)
         # Unknowns that stand at a bound and are pushed out of it stay where they are.
         held = ((values <= model.low) & (gradient > 0)) | ((values >= model.high) & (gradient < 0))
@@ -190,7 +191,7 @@ def off_its_bounds(scorer: Scorer, fitted: FittedModel, iterations: int = SCREEN
     return fitted
 
 
-def held_back(scorer: Scorer, evidence: Evidence) -> list[int]:
+def at_edges(scorer: Scorer, evidence: Evidence) -> list[int]:
     """Indices of candidates at the edge of what is allowed, which could be what is missing beyond it.
 
     With ten times the range, or more, each would be a step worth taking, and as likely as those that cannot

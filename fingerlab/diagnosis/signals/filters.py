@@ -24,9 +24,9 @@ from numpy.typing import NDArray
 
 from fingerlab.diagnosis.settings import (
     END_JUMP,
-    HELD_STEPS,
-    LEAST_HELD,
+    JUMP_STEPS,
     LEAST_JITTER,
+    LEAST_JUMPS,
     LEAST_SPIKE,
     LEAST_SPIKE_LOCALLY,
     LONGEST_BRIDGE_S,
@@ -47,7 +47,7 @@ from fingerlab.sessions.model import Array
 
 Repair = tuple[str, str]
 """What was put right, and the channel: samples are counted by both."""
-SPIKE, HELD = "spike", "held"
+SPIKE, REPEATED = "spike", "held"
 """Of a channel: single samples that are no measurements, and those that only repeat the last reading."""
 BRIDGED, CUT_OUT, UNEVEN = ("bridged", "time"), ("cut out", "time"), ("uneven", "time")
 """Of the time: samples that were lost and bridged, those of gaps too long for that, between which a run is
@@ -182,14 +182,14 @@ def usual_wait(values: Array, most: float) -> int:
     """
     changes = np.abs(np.diff(values))
     new = np.flatnonzero(changes) + 1
-    if not LEAST_HELD < len(new) < STANDING_SHARE * len(values):
+    if not LEAST_JUMPS < len(new) < STANDING_SHARE * len(values):
         return 1
     sizes = np.unique(changes[new - 1])
     apart = np.diff(sizes)
     # At an even speed all changes are alike, and what they differ by is the step.
     step = min(sizes[0], np.min(apart, where=apart > SAME_SIZE * sizes[0], initial=np.inf))
-    waits = np.diff(new)[changes[new[:-1] - 1] > HELD_STEPS * step]
-    if len(waits) < LEAST_HELD or np.mean(waits > 1) < STANDING_SHARE or np.median(waits) > most:
+    waits = np.diff(new)[changes[new[:-1] - 1] > JUMP_STEPS * step]
+    if len(waits) < LEAST_JUMPS or np.mean(waits > 1) < STANDING_SHARE or np.median(waits) > most:
         return 1
     return int(np.median(waits))
 
