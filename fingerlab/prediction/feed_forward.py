@@ -99,7 +99,7 @@ class Along:
         """Torque that presses with the wanted force, and its half width, N m, (n,) each over ``wanted.time``.
 
         Args:
-            trim: N, by which this variant foretells more than was measured, throughout.
+            trim: N, by which this variant predicts more than was measured, throughout.
 
         Raises:
             UserError: there is none.
@@ -118,7 +118,7 @@ class Along:
         return np.asarray(torque), band.half_width(force, force_rate(force, WIDE_RATE_HZ)) / newtons
 
     def force(self, torque: Array) -> Array:
-        """Force that this variant foretells of a torque (N m over ``wanted.time``), N, (n,)."""
+        """Force that this variant predicts of a torque (N m over ``wanted.time``), N, (n,)."""
         scales = self._variant.scales
         late = np.interp(self._time - self._delay, self._wanted.time, torque)
         force = scales.of("N") * self._predicted(late / scales.torque)
@@ -210,11 +210,11 @@ def calmed(motion: Motion, cutoff_hz: float) -> Motion:
 
 @dataclass(frozen=True)
 class Feed:
-    """What one model sends, and what is foretold of it.
+    """What one model sends, and what is predicted of it.
 
     Attributes:
         model: ``NOMINAL`` or ``FOUND``.
-        predicted_rms: force error that the found model foretells, with its own error on held-out runs, N; NaN
+        predicted_rms: force error that the found model predicts, with its own error on held-out runs, N; NaN
             where that is unknown.
         correction: most by which the torque leaves the nominal one, N m.
     """
@@ -258,7 +258,7 @@ def learned_plan(
 
     Args:
         pose: of the contact, by which motor position and sentences are told.
-        trim: N, by which the variant foretells more than is measured, throughout.
+        trim: N, by which the variant predicts more than is measured, throughout.
 
     Raises:
         UserError: no torque presses with the wanted force.
@@ -269,7 +269,7 @@ def learned_plan(
 
 
 def predicted_mean(variant: Variant, plan: TorquePlan, run: Run, rig: Rig, where: str) -> float:
-    """Mean force that a variant foretells of the torque that was sent in ``run``, along its motion, N."""
+    """Mean force that a variant predicts of the torque that was sent in ``run``, along its motion, N."""
     return float(np.mean(Along(variant, plan.wanted, run, rig, where).force(plan.torque)))
 
 
@@ -317,7 +317,7 @@ def judged_feed(
     where: str,
     trim: float = 0.0,
 ) -> Feed:
-    """A plan with what the found model foretells of it along the motion of ``run``.
+    """A plan with what the found model predicts of it along the motion of ``run``.
 
     Args:
         trim: N, of the found model.

@@ -171,7 +171,7 @@ def row_places(row: QRect, metrics: QFontMetrics) -> RowPlaces:
     room = row.adjusted(GAP, 0, -GAP, 0)
     mark = max(map(metrics.horizontalAdvance, (SET_MARK, EXCHANGE_MARK))) + GAP // 2
     bar, number = int(room.width() * BAR_SHARE), metrics.horizontalAdvance("> 99 %")
-    # Where room is short the title has it: the error is in the tooltip, and foretold by the bar below.
+    # Where room is short the title has it: the error is in the tooltip, and predicted by the bar below.
     tight = room.width() < TIGHT_LETTERS * metrics.averageCharWidth()
     score = 0 if tight else metrics.horizontalAdvance(f"> {MOST_FLOORS:.0f}")
     title = room.width() - mark - bar - number - score - 3 * GAP

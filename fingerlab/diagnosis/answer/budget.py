@@ -7,7 +7,7 @@ and the floor, each with less of it; what one step takes away is a part:
   path holds few, what it falls by in every other order,
 * *parameters* and *calibration*: what the last model misses on runs left out beyond what it misses where it
   has seen them all. It goes to the sensors as far as knowing their constants exactly would narrow what the
-  model foretells, and to the bench's and the effects' constants for the rest,
+  model predicts, and to the bench's and the effects' constants for the rest,
 * *between runs*: what a friction that wanders and a tip that is set down anew take up, a value for each run,
 * the *floor*: what does not repeat from cycle to cycle, by the last model,
 * the *unknown*: what is left.

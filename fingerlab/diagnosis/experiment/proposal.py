@@ -175,7 +175,7 @@ def best_run(
 
 
 def _chances(scatter: int) -> Array:
-    """Standard deviations by which gains come out otherwise than foretold, (draws, scatter), once for all."""
+    """Standard deviations by which gains come out otherwise than predicted, (draws, scatter), for all."""
     return np.asarray(np.random.default_rng(1).standard_normal((GAIN_DRAWS, scatter)))
 
 
@@ -214,7 +214,7 @@ class Among:
         return found
 
     def glanced(self, run: PredictedRun) -> tuple[float, ...]:
-        """What the run brings if its gains come out as foretold."""
+        """What the run brings if its gains come out as predicted."""
         line, alone, first = gain_calibration().line(run.kind.group.on_bench), 0.0, 0.0
         predicted = self.predicted(run)
         for true, gains in predicted.items():

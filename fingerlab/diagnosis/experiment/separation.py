@@ -8,8 +8,8 @@ between two rival models", 1965). What a run's phase and cable decide is found o
 A predicted gain rests on models none of which is quite the bench's, and on a motion that nobody has seen.
 What past proposals brought is therefore set against what was predicted of them: a line between the two, and
 how far they scatter about it, for effects among each other and for an effect against nothing. The table is
-``resources/foretelling.json``, which ``python -m tests.hidden.sweep.foretell`` makes. What a gain does to the
-probabilities and the set, the calibration itself says: it is asked with the odds that a run would leave.
+``resources/gain_calibration.json``, which ``python -m tests.hidden.sweep.gains`` makes. What a gain does to
+the probabilities and the set, the calibration itself says: it is asked with the odds that a run would leave.
 """
 
 from __future__ import annotations
@@ -321,7 +321,7 @@ class GainCalibration:
 @cache
 def gain_calibration() -> GainCalibration:
     """The table that comes with the program."""
-    text = files("fingerlab.resources").joinpath("foretelling.json").read_text(encoding="utf-8")
+    text = files("fingerlab.resources").joinpath("gain_calibration.json").read_text(encoding="utf-8")
     return structured(GainCalibration, json.loads(text))
 
 
