@@ -63,10 +63,12 @@ from fingerlab.diagnosis.settings import (
     CONSTANTS_ROUNDS,
     DECIDING_LOG_ODDS,
     FULL_ITERATIONS,
+    LAG_AT_EDGE,
     LAG_SHARE,
     NEARLY_RIGHT,
     ONE_WAY,
     ONE_WAY_POINTS,
+    REPLACING_SHARE,
     RUN_LOG_ODDS,
     SET_LOG_ODDS,
     STANDING_LOAD,
@@ -195,7 +197,7 @@ def torque_is_late(reduction: Reduction, scorer: Scorer) -> bool:
         return False
     if lag < 0.0:
         return True
-    if not usual < lag < 0.99 * most:
+    if not usual < lag < LAG_AT_EDGE * most:
         return False
     # Also where it is not asked for, or left out of the catalogue.
     rubs = next(e for e in CATALOGUE.values() if e.like_late_torque)
@@ -427,7 +429,7 @@ def _replacing(evidence: Evidence, rivals: Sequence[ExchangedModel]) -> dict[str
     shares = shares_of_rivals(odds_of_rivals(rivals))
     whole = {c.last_effect.id: p for c, p in zip(evidence.candidates, evidence.posterior, strict=True)}
     best = {one.added[0]: one for one in reversed(rivals)}
-    return {name: one for name, one in best.items() if shares[name] > 0.5 * whole.get(name, 0.0)}
+    return {name: one for name, one in best.items() if shares[name] > REPLACING_SHARE * whole.get(name, 0.0)}
 
 
 def _display() -> Display:

@@ -31,7 +31,7 @@ from fingerlab.diagnosis.answer.results import PathStep
 from fingerlab.diagnosis.equations.parameters import CABLE_OFFSET, TORQUE_ZERO
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.score.scorer import Scorer
-from fingerlab.diagnosis.settings import FULL_ITERATIONS
+from fingerlab.diagnosis.settings import FULL_ITERATIONS, MOST_ORDERED
 from fingerlab.sessions.model import Array
 
 CALIBRATION = frozenset(
@@ -39,9 +39,6 @@ CALIBRATION = frozenset(
 )
 """Unknowns of the sensors: gains of the current and of the load cell, zeros of the current and of the motor,
 and the clock between the channels. A joint's constant torque may be its zero or its friction: it is none."""
-
-MOST_ORDERED = 4
-"""Effects whose every order is tried: each further one doubles the models that have to be fitted."""
 
 
 def error_budget(

@@ -18,11 +18,16 @@ from fingerlab.diagnosis.score.evidence import Evidence
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.settings import (
     BINS,
+    BINS_A_PERIOD,
+    HIGH_LOAD,
     LEAST_SAMPLES,
+    LOW_LOAD,
     NARROW_RATE_HZ,
     OUTLYING,
     SHOWN_STRETCHES,
     SLACK_SPREAD_M,
+    SLOWLY,
+    STANDS_STILL,
     Z90,
 )
 from fingerlab.diagnosis.signals.conditions import GroupKey, group_key
@@ -375,10 +380,6 @@ def _fingerprint(
     return within if within is None else replace(within, coordinate=f"{effect.coordinate} within one period")
 
 
-BINS_A_PERIOD = 4
-"""Of a wave, that must be seen for its form to be (assumed)."""
-
-
 def _period(fitted: FittedModel) -> float:
     """Of the effect added last, where it repeats with the motor angle, rad; else infinite."""
     last = fitted.choices[-1]
@@ -467,12 +468,14 @@ def _moment(kept: Kept, part: slice) -> str:
     speed = kept.coordinates[name]
     now, usual = float(np.mean(speed[part])), float(np.sqrt(np.mean(speed**2))) + 1e-12
     words = {"joint speed pip": ("flexing", "extending"), "motor speed": ("winding in", "paying out")}[name]
-    pace = "slowly" if abs(now) < 0.7 * usual else "fast"
+    pace = "slowly" if abs(now) < SLOWLY * usual else "fast"
     motion = (
-        "near standstill or reversing" if abs(now) < 0.2 * usual else f"{words[0 if now > 0 else 1]} {pace}"
+        "near standstill or reversing"
+        if abs(now) < STANDS_STILL * usual
+        else f"{words[0 if now > 0 else 1]} {pace}"
     )
     pull = kept.coordinates["tension"]
-    low, high = np.quantile(pull, (0.25, 0.75))
+    low, high = np.quantile(pull, (LOW_LOAD, HIGH_LOAD))
     level = float(np.mean(pull[part]))
     load = "low" if level < low else "high" if level > high else "middling"
     return f"{motion}, at {load} load"

@@ -37,7 +37,7 @@ from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.gram.sums import EquationWeights, Group, Reduced, RunTotals
 from fingerlab.diagnosis.score.fitted_model import FittedModel, at_found_shapes
 from fingerlab.diagnosis.score.scorer import Scorer
-from fingerlab.diagnosis.settings import FULL_ITERATIONS, NARROW_RATE_HZ, Z90
+from fingerlab.diagnosis.settings import FULL_ITERATIONS, HARDLY_DETERMINED, NARROW_RATE_HZ, Z90
 from fingerlab.diagnosis.signals.conditions import GroupKey, deal_runs, group_key
 from fingerlab.diagnosis.signals.filters import BRIDGED, CUT_OUT, EFFECTIVE_SHARE, SPIKE
 from fingerlab.diagnosis.signals.scales import as_recorded
@@ -351,10 +351,6 @@ def _members(runs: Sequence[Run]) -> dict[tuple[GroupKey, int], list[int]]:
         key = group_key(run)
         members.setdefault((key, folds[key][place].condition), []).append(number)
     return members
-
-
-HARDLY_DETERMINED = 0.7
-"""Share of a prior's spread that is left where the runs hardly tell a value (assumed)."""
 
 
 @dataclass(frozen=True)

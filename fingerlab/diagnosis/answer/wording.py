@@ -19,6 +19,7 @@ from fingerlab.diagnosis.settings import (
     AT_BOUND,
     LEAST_SPIKES,
     MOST_NAMED,
+    NOTHING_SEEN,
     REPORTED_OFFSET,
     REPORTED_SHARE,
     REPORTED_SKEW_S,
@@ -337,7 +338,7 @@ def explanation(
         return (
             f"{said} These data could not show it at a plausible strength{from_there}; {effect.reveal} would."
         )
-    if fitted.misfit > evidence.base.misfit * 0.98 and not replaced:
+    if fitted.misfit > evidence.base.misfit * NOTHING_SEEN and not replaced:
         return f"{said} Nothing of that is seen: {error} goes from {fall}."
     numbers = [
         f"{parameter_title(effect, name)} "

@@ -58,6 +58,7 @@ from fingerlab.diagnosis.settings import (
     PROPOSAL_CANDIDATES,
     SETTLING_S,
     TRUE_EFFECTS,
+    WORTH_STEPS,
 )
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
 from fingerlab.physics.motion import Motion
@@ -183,7 +184,7 @@ def _worth(run: PredictedRun, alone: float, first: float, gains: Iterable[float]
     """What a run is worth; of two that are as good to a twentieth, the one that separates more."""
     cost = 0.0 if run.paired is None else COST_OF_CHANGE
     worth = alone + FIRST_WORTH * first - cost
-    return round(20.0 * worth) / 20.0, sum(min(gain, DECISIVE) for gain in gains)
+    return round(WORTH_STEPS * worth) / WORTH_STEPS, sum(min(gain, DECISIVE) for gain in gains)
 
 
 class Among:

@@ -37,8 +37,10 @@ from fingerlab.diagnosis.gram.sums import (
 from fingerlab.diagnosis.settings import (
     LEAST_GAIN,
     LEAST_GAIN_SHARE,
+    MOST_ITERATIONS,
     RUN_VARIATION_BOUND,
     SETTLING_ITERATIONS,
+    STEP_FRACTIONS,
     WEAK_PRIOR,
 )
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
@@ -334,7 +336,7 @@ class Fitter:
         fixed = [u.key in self.model.fixed for u in self.model.unknowns]
         return np.where(fixed, FIXED_WEIGHT, np.where(weak, WEAK_PRIOR, 1.0))
 
-    def run(self, start: Array | None = None, iterations: int = 12) -> Fit:
+    def run(self, start: Array | None = None, iterations: int = MOST_ITERATIONS) -> Fit:
         """Newton steps with halving from ``start``; stops when the cost no longer falls.
 
         What a friction may hold at rest, and by how much it differs from run to run, follows from its size,
@@ -398,7 +400,7 @@ class Fitter:
             return values, -np.inf
         step = bounded_step(values, gradient, curvature, self._low, self._high)
         gain = 0.0
-        for fraction in (1.0, 0.5, 0.2, 0.05):
+        for fraction in STEP_FRACTIONS:
             trial = np.clip(values + fraction * step, self._low, self._high)
             gain = cost - self.cost(trial)
             if gain > 0.0:

@@ -32,10 +32,13 @@ from fingerlab.diagnosis.settings import (
     PULLED_SHARE,
     REST_REACH,
     SLACK_NOISES,
+    SLACK_REACH,
     SLACK_TENSION_N,
+    STUCK_MIX,
     STUCK_REACH,
     STUCK_SHARE,
     STUCK_STEPS,
+    TENSION_SAMPLES,
 )
 from fingerlab.diagnosis.signals.filters import (
     NARROW_HALF,
@@ -67,12 +70,10 @@ def taut_moments(motion: Motion, inner: slice, drive: Shape) -> BoolArray:
         return np.ones(len(decimate(motion.time[inner])), dtype=bool)
     pull = driven_tension(motion, drive)
     pull = pull - INERTIA_SPREADS * motion.inertia_spread * np.abs(motion.acceleration) / motion.radius
-    smooth = np.convolve(pull, np.ones(9) / 9, mode="same")  # 36 ms: the tension's own noise is then small
+    smooth = np.convolve(pull, np.ones(TENSION_SAMPLES) / TENSION_SAMPLES, mode="same")
     noise = float(np.median(np.abs(pull - smooth)[inner])) if len(pull[inner]) else 0.0
     loose = (smooth < max(SLACK_TENSION_N, SLACK_NOISES * noise))[inner]
-    # A slack cable hangs through by millimetres, the taut one is known to micrometres: no window that
-    # holds a slack moment anywhere but at its very ends may pass for taut.
-    return ~near_moments(loose, NARROW_HALF - NARROW_HALF // 8)
+    return ~near_moments(loose, int(SLACK_REACH * NARROW_HALF))
 
 
 def near_moments(moments: BoolArray, reach: int) -> BoolArray:
@@ -108,8 +109,7 @@ def rest_moments(motion: Motion, inner: slice) -> BoolArray:
     standing = _standing(motion.position[inner])
     if motion.finger is not None:
         return standing
-    # What a window holds beyond three quarters of its reach weighs less than a hundredth in it.
-    return standing | near_moments(stuck_moments(motion, inner), NARROW_HALF - NARROW_HALF // 4)
+    return standing | near_moments(stuck_moments(motion, inner), int(STUCK_MIX * NARROW_HALF))
 
 
 def _standing(position: Array) -> BoolArray:

@@ -32,7 +32,7 @@ from fingerlab.diagnosis.gram.decimation import (
 )
 from fingerlab.diagnosis.gram.state_law import signal_products, torque_products
 from fingerlab.diagnosis.gram.sums import Cycle, PairSums, Part, RunSums, Sums, finer_of
-from fingerlab.diagnosis.settings import NARROW_RATE_HZ, TASKS_AHEAD, TREND_DEGREE
+from fingerlab.diagnosis.settings import MOST_HARMONICS, NARROW_RATE_HZ, TASKS_AHEAD, TREND_DEGREE
 from fingerlab.diagnosis.signals.channel_checks import facts_of
 from fingerlab.diagnosis.signals.conditions import GroupKey
 from fingerlab.diagnosis.signals.filters import noise_of_derivatives
@@ -55,7 +55,7 @@ def repeating_bases(low: Decimated, run: Run, seek: bool = False) -> tuple[Array
     if frequency is None:
         return None
     count = int(np.ceil(0.5 * NARROW_RATE_HZ / frequency)) - 1
-    if 2 * count + 1 > 0.6 * len(low.time):
+    if 2 * count + 1 > MOST_HARMONICS * len(low.time):
         return None
     return _harmonics(frequency, count, float(low.time[0]), float(low.time[-1]), len(low.time))
 

@@ -39,6 +39,7 @@ from fingerlab.diagnosis.settings import (
     PRIOR_UNKNOWN,
     SET_LOG_ODDS,
     SET_PROBABILITY,
+    STRENGTH_POINTS,
     STRONGEST,
     TIE_LOG_ODDS,
     UNEXPLAINED,
@@ -401,7 +402,7 @@ def bayes_factor(fitted: FittedModel, fall: float, needed: float) -> float:
         return 1.0
     width = 2.0 * DECIDING_LOG_ODDS / least**2
     seen = least * np.sqrt(max(fall, 0.0) / needed)
-    strengths = np.exp(np.linspace(np.log(WEAKEST), np.log(STRONGEST), 33))
+    strengths = np.exp(np.linspace(np.log(WEAKEST), np.log(STRONGEST), STRENGTH_POINTS))
     log_likely = -0.5 * width * strengths * (strengths - 2.0 * seen)
     return float(np.exp(np.minimum(log_likely, np.log(MOST_ODDS))).mean())
 

@@ -31,7 +31,13 @@ from fingerlab.diagnosis.fit.priors import prior_penalty, starting_arms
 from fingerlab.diagnosis.fit.solver import Fitter, LeftOut
 from fingerlab.diagnosis.gram.sums import EquationWeights, Offsets, Reduced, RunConstants
 from fingerlab.diagnosis.score.fitted_model import FittedModel, FoldErrors, paired_misfit, sensitivity
-from fingerlab.diagnosis.settings import FULL_ITERATIONS, MOST_ROUNDS, RUN_VARIATION_BOUND, SETTLED
+from fingerlab.diagnosis.settings import (
+    FULL_ITERATIONS,
+    MOST_ROUNDS,
+    RUN_VARIATION_BOUND,
+    SETTLED,
+    USUAL_ITERATIONS,
+)
 from fingerlab.diagnosis.signals.conditions import GroupKey
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
 from fingerlab.effects.base import Row
@@ -132,7 +138,7 @@ class Scorer:
         self,
         choices: Sequence[Choice],
         like: FittedModel | None = None,
-        iterations: int = 10,
+        iterations: int = USUAL_ITERATIONS,
         weights: Weights | None = None,
     ) -> FittedModel:
         """Fit nominal model, nuisances and ``choices`` to all runs.

@@ -30,6 +30,7 @@ from fingerlab.diagnosis.settings import (
     CANDIDATES_REFITTED,
     FULL_ITERATIONS,
     HELD_OUT_TRIALS,
+    LEADERS,
     LEADING_SHARE,
     MOST_WIDENED,
     SAME_COST_SHARE,
@@ -252,7 +253,7 @@ def judge_all(
     candidates = screen(scorer, base, effects, watch, least)
     leaders: set[str] = set()
     misshapen = lacks_fit(base)  # what the base's effects look like may come from what is still missing
-    for _ in range(3):
+    for _ in range(LEADERS):
         front = sorted((_at_its_best(scorer, c, misshapen) for c in candidates[:HELD_OUT_TRIALS]), key=_cost)
         candidates = front + candidates[HELD_OUT_TRIALS:]
         if not front or front[0].fit.cost >= base.fit.cost or _led(front, leaders):

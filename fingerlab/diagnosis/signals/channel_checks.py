@@ -25,6 +25,7 @@ from fingerlab.diagnosis.settings import (
     MOVED_DEG,
     OFF_CURRENT,
     PULLS_SHARE,
+    SAME_TORQUE,
     SWING_SAMPLES,
 )
 from fingerlab.diagnosis.signals.scales import is_still
@@ -131,10 +132,6 @@ def torque_of_an_ampere(run: Run, rig: Rig) -> float:
         return 0.0
     agrees = abs(_beside(run, rig)[0] - 1.0) < SAME_TORQUE
     return rig.ampere if agrees else 0.0
-
-
-SAME_TORQUE = 0.05
-"""By how much torque and current may differ by the rig's constants and be told of each other; assumed."""
 
 
 def _swing(values: Array) -> float:

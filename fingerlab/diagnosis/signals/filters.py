@@ -37,6 +37,7 @@ from fingerlab.diagnosis.settings import (
     OFTEN_STILL,
     PULSE_SAMPLES,
     REPORTED_JITTER,
+    SAME_SIZE,
     SPIKE_NEIGHBOURS,
     STANDING_SHARE,
     STRAIGHTER,
@@ -222,8 +223,6 @@ def between_readings(values: Array, readings: NDArray[np.intp], count: int) -> A
     return np.asarray(found)
 
 
-SAME_SIZE = 0.05
-"""Changes that differ by less than this share of the smallest differ by rounding."""
 NONE = np.zeros(0, dtype=int)
 
 
