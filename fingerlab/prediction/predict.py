@@ -26,7 +26,7 @@ from fingerlab.diagnosis.search.grid_refinement import fit_refined
 from fingerlab.diagnosis.settings import FULL_ITERATIONS, NARROW_RATE_HZ
 from fingerlab.diagnosis.signals.conditions import GroupKey, deal_runs, group_key, runs_to_analyse
 from fingerlab.effects import effect
-from fingerlab.models.file import ParameterEstimate, hash_sessions
+from fingerlab.models.file import hash_sessions
 from fingerlab.prediction.extended import (
     EQUATIONS,
     Band,
@@ -348,7 +348,7 @@ def _fit(
         for number, trial in enumerate([nominal, *(t for t in trials if t.choices)]):
             tell(0.7 + 0.3 * number / (len(trials) + 1), "calibrating the interval")
             done.append(_calibrated(_variant(scorer, trial, folds), sessions, by_session))
-        parameters = [_estimates(scorer.score_held_out(trial)) for trial in trials]
+        parameters = [every_parameter(t, t.temperature()) for t in map(scorer.score_held_out, trials)]
     plain, extended, rig = done[0], iter(done[1:]), sessions[0].rig.to_json()
     return tuple(
         ExtendedModel(next(extended) if t.choices else plain, plain, found, hashes, dict(held or {}), rig)
@@ -415,11 +415,6 @@ def _by_key(trial: FittedModel) -> dict[str, float]:
     """Values of the unknowns by key, SI."""
     of = trial.model.layout.scales.of
     return {u.key: trial.values[u.key] * of(u.parameter.unit) for u in trial.model.unknowns}
-
-
-def _estimates(trial: FittedModel) -> dict[str, ParameterEstimate]:
-    """All unknowns with 90 % intervals, as the diagnosis tells them."""
-    return every_parameter(trial, trial.temperature())
 
 
 def _calibrated(variant: Variant, sessions: Sequence[Session], hashes: Mapping[Path, str]) -> Variant:

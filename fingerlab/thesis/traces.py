@@ -311,7 +311,7 @@ def trace(run: Run, rig: Rig) -> Traces:
     for channel in ("mcp_angle", "pip_angle"):
         if not run.has(channel):
             raise UserError(f"Run {run.name} has no channel '{channel}'; the joint equations need it in rad.")
-    signals = prepare(run, rig)
+    signals = prepare(run)
     motion = joint_motion(signals)
     return Traces(
         signals,

@@ -172,7 +172,6 @@ def _join(pieces: list[Comparison]) -> Comparison:
         measured=np.concatenate(measured),
         modelled=np.concatenate(modelled),
         floor=float(np.average([p.floor for p in pieces], weights=counts)),
-        held_out=all(p.held_out for p in pieces),
         aside=tuple(one for p in pieces for one in p.aside),
         coordinates={
             name: np.concatenate([part for p in pieces for part in (p.coordinates[name], _GAP)])

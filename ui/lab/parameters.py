@@ -47,7 +47,7 @@ COLUMNS = (
     ("Unit", "Of all numbers of the row."),
     ("From", "Where the value comes from: these runs, the rig file, an assumption, your hand."),
 )
-FITTED, WHAT_IF, FROM = 1, 2, 6
+WHAT_IF, FROM = 2, 6
 LEFT = Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter
 RIGHT = Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
 

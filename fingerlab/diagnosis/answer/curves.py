@@ -295,7 +295,7 @@ def _comparisons(
     def one(equation: str, measured: Array, modelled: Array, unit: str, variance: float) -> Comparison:
         return Comparison(
             equation, kept.session, kept.run, kept.phase, kept.time, measured, modelled, unit,
-            float(np.sqrt(max(variance, 0.0))), held_out=False, coordinates=kept.coordinates,
+            float(np.sqrt(max(variance, 0.0))), coordinates=kept.coordinates,
         )  # fmt: skip
 
     if group.on_bench:

@@ -145,7 +145,6 @@ class Comparison:
     modelled: Array
     unit: str
     floor: float
-    held_out: bool = True
     coordinates: Mapping[str, Array] = field(default_factory=dict)
     aside: tuple[ExcludedInterval, ...] = ()
 

@@ -156,14 +156,14 @@ class Remainder:
 
     def _effect(self, term: DraftTerm) -> Effect:
         if term not in self._as_effects:
-            self._as_effects |= as_effects([term], self._motions, self._reduction.scales)
+            self._as_effects |= as_effects([term], self._motions)
         return self._as_effects[term]
 
     def _offers(self, known: Sequence[DraftTerm] = ()) -> list[Effect]:
         """All terms that these recordings move, those ``known`` with the numbers that were found."""
         every = {**self._terms, **{term.id: term for term in known}}
         new = [term for term in every.values() if term not in self._as_effects]
-        self._as_effects |= as_effects(new, self._motions, self._reduction.scales)
+        self._as_effects |= as_effects(new, self._motions)
         self._terms = {i: term for i, term in self._terms.items() if term in self._as_effects}
         return [self._as_effects[term] for term in every.values() if term in self._as_effects]
 

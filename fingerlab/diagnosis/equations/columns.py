@@ -38,7 +38,7 @@ Column = tuple[Array, int | None, bool, Callable[[], Feature]]
 
 def all_columns(motion: Motion, effects: Sequence[Effect]) -> Iterator[Column]:
     """All features in order: those of every model, then those of the effects."""
-    yield from _common_columns(motion)
+    yield from _as_routed(motion, _common_columns(motion))
     yield from effect_columns(motion, effects)
 
 
@@ -61,12 +61,7 @@ def _as_routed(motion: Motion, columns: Iterator[Column]) -> Iterator[Column]:
 
 
 def _common_columns(motion: Motion) -> Iterator[Column]:
-    """The features of every model."""
-    return _as_routed(motion, _base(motion))
-
-
-def _base(motion: Motion) -> Iterator[Column]:
-    """A motor channel comes once for every shift, with the same values."""
+    """The features of every model; a motor channel comes once for every shift, with the same values."""
     for feature, values in base_columns(motion):
         yield values, None, False, partial(replace, feature)
     for feature, values in shifted_columns(motion):

@@ -153,10 +153,6 @@ class Layout:
         """All features, for sums over samples."""
         return Pick(self.signals, self._rows)
 
-    def signals_of(self, bench: bool) -> IntArray:
-        """The signals of the features that runs of the motor alone have, or of those that a finger's have."""
-        return np.asarray(self.signals[(self._rows == Row.BENCH) == bench])
-
     @property
     def signal_count(self) -> int:
         """How many different signals there are."""

@@ -187,18 +187,10 @@ class Model:
         """Coefficients of the active features for one group, (k,)."""
         return self.terms.of(values, (group.cable_sign,))[0]
 
-    def features_of(self, values: Array, cable_signs: tuple[int, ...]) -> Array:
-        """The same for several groups, (groups, k), told by their cables."""
-        return self.terms.of(values, cable_signs)
-
     def coefficients(self, values: Array, group: Runs) -> tuple[Array, Array]:
         """Coefficients of the active features for one group, (k,), and their derivatives, (k, p)."""
         h, jacobian = self.terms.with_jacobian(values, (group.cable_sign,))
         return h[0], jacobian[0]
-
-    def coefficients_of(self, values: Array, cable_signs: tuple[int, ...]) -> tuple[Array, Array]:
-        """The same for several groups, (groups, k) and (groups, k, p), told by their cables."""
-        return self.terms.with_jacobian(values, cable_signs)
 
     def unit_coefficients(self, values: Array, group: Runs) -> Array:
         """Coefficient of every feature of the layout, active or not, per unit of its own unknown."""

@@ -250,7 +250,7 @@ class Fitter:
         """
         if not (self.has_stiction or self.has_random_effects):
             return
-        coefficients = self.model.features_of(values, self._cables)
+        coefficients = self.model.terms.of(values, self._cables)
         self._stacked = self._whole = None
         if self.has_stiction:
             found = [
@@ -308,14 +308,14 @@ class Fitter:
 
     def coefficients(self, values: Array) -> tuple[Array, Array]:
         """Of the model's features for every group, (groups, k), with their derivatives, (groups, k, p)."""
-        return self.model.coefficients_of(values, self._cables)
+        return self.model.terms.with_jacobian(values, self._cables)
 
     def cost(self, values: Array) -> float:
         """Minus twice the log posterior, up to a constant."""
         result = float(np.sum((values - self._mean) ** 2 * self._stiffness))
         if self.model.tie is not None:
             result += self.model.tie.cost(values)
-        coefficients = self.model.features_of(values, self._cables)
+        coefficients = self.model.terms.of(values, self._cables)
         for h, matrix in zip(coefficients, self.stacked().matrix, strict=True):
             result += float(h @ matrix @ h)
         for i, each in self._own.items():

@@ -157,9 +157,14 @@ class Scorer:
         like: FittedModel | None,
         iterations: int,
         weights: Weights | None = None,
+        law: str = "",
     ) -> FittedModel:
-        """As :meth:`fit` with the law of the tip that ``like`` has."""
-        return self._fit(choices, "slides" if like is None else like.model.tip_law, like, iterations, weights)
+        """As :meth:`fit` with a law of the tip; empty: that of ``like``."""
+        if weights is None:
+            weights = self.first_weights if like is None else like.weights
+        model = self.model(choices, law or ("slides" if like is None else like.model.tip_law))
+        fit = Fitter(model, self.data, weights).run(self.start_values(model, like), iterations)
+        return FittedModel(model, fit, weights)
 
     def with_best_law(self, fitted: FittedModel, iterations: int) -> FittedModel:
         """The model, or the same under another law of the tip if that fits better.
@@ -170,22 +175,8 @@ class Scorer:
         if not any(g.in_contact for g in self.reduced.groups):
             return fitted
         laws = [law for law in TIP_LAWS if law != fitted.model.tip_law]
-        others = [self._fit(fitted.choices, law, fitted, iterations) for law in laws]
+        others = [self.fit_same_law(fitted.choices, fitted, iterations, law=law) for law in laws]
         return min([fitted, *others], key=lambda one: (one.fit.cost < -self.data.count, one.fit.cost))
-
-    def _fit(
-        self,
-        choices: Sequence[Choice],
-        law: str,
-        like: FittedModel | None,
-        iterations: int,
-        weights: Weights | None = None,
-    ) -> FittedModel:
-        if weights is None:
-            weights = self.first_weights if like is None else like.weights
-        model = self.model(choices, law)
-        fit = Fitter(model, self.data, weights).run(self.start_values(model, like), iterations)
-        return FittedModel(model, fit, weights)
 
     def own_weights(self, fitted: FittedModel) -> Weights:
         """Inverse of the noise covariance that the model's own features leave between cycles."""
@@ -205,7 +196,7 @@ class Scorer:
         settled = self._settled(self.fit(choices, like, weights=weights))
         if settled.model.tip_law == "slides" or not any(g.in_contact for g in self.reduced.groups):
             return settled
-        sliding = self._settled(self._fit(choices, "slides", settled, FULL_ITERATIONS), "slides")
+        sliding = self._settled(self.fit_same_law(choices, settled, FULL_ITERATIONS, law="slides"), "slides")
         return min(settled, sliding, key=self.deviance)
 
     def _settled(self, fitted: FittedModel, law: str | None = None) -> FittedModel:
@@ -215,7 +206,7 @@ class Scorer:
             if law is None:
                 fitted = self.fit(fitted.choices, fitted, weights=weights)
             else:
-                fitted = self._fit(fitted.choices, law, fitted, FULL_ITERATIONS, weights)
+                fitted = self.fit_same_law(fitted.choices, fitted, FULL_ITERATIONS, weights, law)
             if change(before, fitted.weights) < SETTLED:
                 break
         return fitted
