@@ -37,7 +37,7 @@ from fingerlab.diagnosis.equations.parameters import TORQUE_LAG
 from fingerlab.diagnosis.fit.data import Weights
 from fingerlab.diagnosis.fit.run_spreads import find_constants
 from fingerlab.diagnosis.gram.reduction import Reduction
-from fingerlab.diagnosis.gram.sums import RunConstants
+from fingerlab.diagnosis.gram.run_constants import RunConstants
 from fingerlab.diagnosis.score.calibration import (
     CalibratedAnswer,
     Verdict,

@@ -21,7 +21,7 @@ from fingerlab.diagnosis.settings import MOST_CHANGES
 from fingerlab.effects import find_effect
 
 if TYPE_CHECKING:
-    from fingerlab.diagnosis.answer.errors import FittedParameter
+    from fingerlab.diagnosis.answer.parameter_explorer import FittedParameter
 
 GRIPS = ("soft", "middling", "stiff")
 """Of the tip that slides, by how stiffly it is held sideways: ``SLIP_STIFFNESSES``."""

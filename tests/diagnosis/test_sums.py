@@ -8,7 +8,8 @@ import pytest
 from fingerlab.diagnosis.equations.columns import layout_of
 from fingerlab.diagnosis.equations.features import Pick
 from fingerlab.diagnosis.gram.decimation import decimated_columns
-from fingerlab.diagnosis.gram.sums import EquationWeights, Sums, empty, total
+from fingerlab.diagnosis.gram.run_constants import EquationWeights
+from fingerlab.diagnosis.gram.sums import Sums, empty, total
 from fingerlab.diagnosis.signals.segments import segments_of
 from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import Row

@@ -30,7 +30,7 @@ from .comparison_curves import joined, run_key
 from .result_words import error_texts
 
 if TYPE_CHECKING:
-    from fingerlab.diagnosis.answer.errors import FittedParameter, ParameterExplorer, WhatIf
+    from fingerlab.diagnosis.answer.parameter_explorer import FittedParameter, ParameterExplorer, WhatIf
 
 STEPS = 1000
 """Places of the slider."""

@@ -19,7 +19,8 @@ from fingerlab.models.file import ParameterEstimate
 from fingerlab.sessions.model import Array
 
 if TYPE_CHECKING:
-    from fingerlab.diagnosis.gram.sums import FloorFrom, RunConstants
+    from fingerlab.diagnosis.gram.run_constants import RunConstants
+    from fingerlab.diagnosis.gram.sums import FloorFrom
     from fingerlab.diagnosis.score.calibration import CalibratedAnswer, Odds, Predicted, Verdict
     from fingerlab.diagnosis.score.fitted_model import FittedModel
 

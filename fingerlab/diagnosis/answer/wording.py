@@ -12,7 +12,7 @@ from fingerlab.diagnosis.answer.results import BenchFinding
 from fingerlab.diagnosis.equations.coefficients import DELAY
 from fingerlab.diagnosis.equations.parameters import TORQUE_LAG
 from fingerlab.diagnosis.gram.reduction import Reduction
-from fingerlab.diagnosis.gram.sums import SOURCES, Offsets
+from fingerlab.diagnosis.gram.run_constants import SOURCES, Offsets
 from fingerlab.diagnosis.score.evidence import Evidence
 from fingerlab.diagnosis.score.fitted_model import FittedModel, at_assumed_bounds, own_keys
 from fingerlab.diagnosis.settings import (

@@ -25,15 +25,8 @@ from fingerlab.diagnosis.fit.noise import (
     log_widening,
     noise_of_a_sample,
 )
-from fingerlab.diagnosis.gram.sums import (
-    EquationWeights,
-    Group,
-    Offsets,
-    RunConstants,
-    RunTotals,
-    Sums,
-    total,
-)
+from fingerlab.diagnosis.gram.run_constants import EquationWeights, Offsets, RunConstants, RunTotals
+from fingerlab.diagnosis.gram.sums import Group, Sums, total
 from fingerlab.diagnosis.settings import (
     CORRELATED_VALUES,
     LEAST_REPEATS,

@@ -28,12 +28,8 @@ from fingerlab.diagnosis.fit.data import (
     temperature_of,
 )
 from fingerlab.diagnosis.fit.random_effects import BoundTerms, RandomEffects
-from fingerlab.diagnosis.gram.sums import (
-    EquationWeights,
-    feature_weights,
-    schur_complement,
-    taken_up_by_folds,
-)
+from fingerlab.diagnosis.gram.run_constants import EquationWeights, schur_complement, taken_up_by_folds
+from fingerlab.diagnosis.gram.sums import feature_weights
 from fingerlab.diagnosis.settings import (
     LEAST_GAIN,
     LEAST_GAIN_SHARE,

@@ -21,17 +21,9 @@ from fingerlab.core.progress import SILENT, Watch
 from fingerlab.diagnosis.equations.columns import Asked, asked_of, layout_of
 from fingerlab.diagnosis.equations.features import Layout
 from fingerlab.diagnosis.gram.decimation import Decimated, SegmentCache
+from fingerlab.diagnosis.gram.run_constants import RunConstants
 from fingerlab.diagnosis.gram.run_sums import Keep, in_place, pair_sums, run_sums, sums_in_turn
-from fingerlab.diagnosis.gram.sums import (
-    Group,
-    PairSums,
-    Reduced,
-    RunConstants,
-    RunSums,
-    add_among,
-    empty,
-    finer_of,
-)
+from fingerlab.diagnosis.gram.sums import Group, PairSums, Reduced, RunSums, add_among, empty, finer_of
 from fingerlab.diagnosis.settings import MOST_CLOSER, MOST_LOOKED_AT, STATE_ORDERS
 from fingerlab.diagnosis.signals.channel_checks import ChannelRatios, check_channels
 from fingerlab.diagnosis.signals.conditions import (

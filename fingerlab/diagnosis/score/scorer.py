@@ -29,7 +29,8 @@ from fingerlab.diagnosis.fit.noise import (
 )
 from fingerlab.diagnosis.fit.priors import prior_penalty, starting_arms
 from fingerlab.diagnosis.fit.solver import Fitter, LeftOut
-from fingerlab.diagnosis.gram.sums import EquationWeights, Offsets, Reduced, RunConstants
+from fingerlab.diagnosis.gram.run_constants import EquationWeights, Offsets, RunConstants
+from fingerlab.diagnosis.gram.sums import Reduced
 from fingerlab.diagnosis.score.fitted_model import FittedModel, FoldErrors, paired_misfit, sensitivity
 from fingerlab.diagnosis.settings import (
     FULL_ITERATIONS,

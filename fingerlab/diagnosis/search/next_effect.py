@@ -20,7 +20,7 @@ from fingerlab.diagnosis.equations.model import Choice
 from fingerlab.diagnosis.fit.bounded_step import bounded_step
 from fingerlab.diagnosis.fit.data import Data, Weights
 from fingerlab.diagnosis.fit.solver import Fitter
-from fingerlab.diagnosis.gram.sums import EquationWeights, schur_complement
+from fingerlab.diagnosis.gram.run_constants import EquationWeights, schur_complement
 from fingerlab.diagnosis.score.evidence import Evidence, judge
 from fingerlab.diagnosis.score.fitted_model import FittedModel, at_assumed_bounds, at_bounds
 from fingerlab.diagnosis.score.scorer import Scorer
