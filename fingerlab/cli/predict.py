@@ -45,7 +45,8 @@ from fingerlab.core.text import (
 from fingerlab.diagnosis.signals.scales import find_scales
 from fingerlab.models.file import DIAGNOSIS_METHOD, SavedModel, load_model
 from fingerlab.prediction import EQUATIONS, extended_model, predict_extended
-from fingerlab.prediction.extended import EQUATION_WORDS, LEVEL, Equation, ExtendedModel
+from fingerlab.prediction.error_band import LEVEL
+from fingerlab.prediction.extended import EQUATION_WORDS, Equation, ExtendedModel
 from fingerlab.prediction.inverse import TorquePlan, needed_torque, plan_json, predictors
 from fingerlab.prediction.predict import ExtendedPrediction, RunPrediction, interval_over, spread_over
 from fingerlab.prediction.target import ContactPose, pose_by_hand, pose_of_run, wanted_force, words_of

@@ -26,15 +26,8 @@ from fingerlab.diagnosis.settings import NARROW_RATE_HZ
 from fingerlab.diagnosis.signals.scales import Scales, find_scales
 from fingerlab.effects.base import Effect
 from fingerlab.models.file import DIAGNOSIS_METHOD, SavedModel
-from fingerlab.prediction.extended import (
-    ChosenEffect,
-    ExtendedModel,
-    ForceNumbers,
-    Variant,
-    extended_model,
-    fine_grid,
-    judge_stretches,
-)
+from fingerlab.prediction.error_band import ForceNumbers, fine_grid, judge_stretches
+from fingerlab.prediction.extended import ChosenEffect, ExtendedModel, Variant, extended_model
 from fingerlab.prediction.predict import RunPrediction, predict_extended, predict_variant, swept
 from fingerlab.sessions import content_hash
 from fingerlab.sessions.model import Array, Session

@@ -26,7 +26,8 @@ from fingerlab.diagnosis.signals.scales import reduced_rig, reduced_run
 from fingerlab.diagnosis.signals.segments import segments_of
 from fingerlab.physics.motion import Motion
 from fingerlab.physics.nominal import JointMotion
-from fingerlab.prediction.extended import ExtendedModel, Variant, force_rate
+from fingerlab.prediction.error_band import force_rate
+from fingerlab.prediction.extended import ExtendedModel, Variant
 from fingerlab.prediction.force import forces_of_motion, wound_beyond
 from fingerlab.prediction.inverse import LEAD_S, TorquePlan, judged_plan, needed_torque, solved_torque
 from fingerlab.prediction.target import ContactPose, WantedForce

@@ -25,7 +25,8 @@ from fingerlab.diagnosis.signals.scales import reduced_motion
 from fingerlab.models.file import DIAGNOSIS_METHOD, SavedModel
 from fingerlab.physics import nominal
 from fingerlab.physics.motion import Motion, tip_reach
-from fingerlab.prediction.extended import LEVEL, MOST_STRETCH, Band, Variant, extended_model, force_rate
+from fingerlab.prediction.error_band import LEVEL, MOST_STRETCH, Band, force_rate
+from fingerlab.prediction.extended import Variant, extended_model
 from fingerlab.prediction.force import forces_of_motion
 from fingerlab.prediction.target import ContactPose, WantedForce, words_of
 from fingerlab.rig.file import Rig

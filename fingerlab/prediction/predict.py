@@ -27,21 +27,16 @@ from fingerlab.diagnosis.settings import FULL_ITERATIONS, NARROW_RATE_HZ
 from fingerlab.diagnosis.signals.conditions import GroupKey, deal_runs, group_key, runs_to_analyse
 from fingerlab.effects import effect
 from fingerlab.models.file import hash_sessions
-from fingerlab.prediction.extended import (
-    EQUATIONS,
+from fingerlab.prediction.error_band import (
     Band,
-    ChosenEffect,
-    Equation,
-    ExtendedModel,
     ForceNumbers,
-    HeldOut,
     RunError,
-    Variant,
     calibrate,
     error_of,
     force_rate,
     judge_stretches,
 )
+from fingerlab.prediction.extended import EQUATIONS, ChosenEffect, Equation, ExtendedModel, HeldOut, Variant
 from fingerlab.prediction.force import contact_stretches, solved_forces
 from fingerlab.sessions import content_hash
 from fingerlab.sessions.model import Array, Session

@@ -21,7 +21,7 @@ from fingerlab.diagnosis.experiment.predicted_runs import (
     pressing_motion,
     seen_press,
 )
-from fingerlab.diagnosis.experiment.proposal import Judged, best_run, propose
+from fingerlab.diagnosis.experiment.proposal import best_run, propose
 from fingerlab.diagnosis.experiment.separation import (
     PredictedRun,
     effects_in,
@@ -31,6 +31,7 @@ from fingerlab.diagnosis.experiment.separation import (
     separation,
     values_in,
 )
+from fingerlab.diagnosis.experiment.worth import Judged
 from fingerlab.diagnosis.gram.decimation import decimated_columns
 from fingerlab.diagnosis.score.evidence import Evidence
 from fingerlab.diagnosis.score.fitted_model import FittedModel

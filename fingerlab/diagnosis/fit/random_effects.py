@@ -9,14 +9,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fingerlab.diagnosis.equations.features import BoolArray, IntArray
 from fingerlab.diagnosis.fit.bounded_step import bounded_step
 from fingerlab.diagnosis.fit.data import Weighted
-from fingerlab.diagnosis.settings import PIVOTING_ROUNDS
+from fingerlab.diagnosis.settings import PIVOTING_ROUNDS, RUN_VARIATION_BOUND
 from fingerlab.sessions.model import Array
+
+if TYPE_CHECKING:
+    from fingerlab.diagnosis.fit.solver import LeftOut
 
 
 @dataclass(frozen=True)
@@ -176,3 +180,61 @@ def _within(curvatures_of_folds: Array, unconstrained: Array, bound: float) -> t
 def _times(matrices: Array, vectors: Array) -> Array:
     """Of each of some matrices with its vector, (n, parts)."""
     return np.asarray((matrices @ vectors[:, :, None])[:, :, 0])
+
+
+def explained(own: Array, h: Array, sums: Weighted) -> float:
+    """What of a misfit the run's own share of the features explains, less what that costs: as a Gaussian.
+
+    Args:
+        own: what one standard deviation of each part adds to the features, (k, parts).
+        h: the features' coefficients, (k,). sums: weighted products of the features over the run.
+    """
+    if not own.shape[1]:
+        return 0.0
+    pull = own.T @ sums.matrix @ h
+    stiffness = own.T @ sums.curvature @ own + np.eye(own.shape[1])
+    return _fall_within_bounds(stiffness, pull, 0)
+
+
+def own_share(own: Array, h: Array, sums: Weighted) -> Array:
+    """What a run's own share of the features would have to be for its misfit to be least, (k,)."""
+    if not own.shape[1]:
+        return np.zeros(len(h))
+    stiffness = own.T @ sums.curvature @ own + np.eye(own.shape[1])
+    found = np.linalg.solve(stiffness, own.T @ sums.matrix @ h)
+    return np.asarray(-own @ np.clip(found, -RUN_VARIATION_BOUND, RUN_VARIATION_BOUND))
+
+
+def predictive_correction(own: Array, h: Array, sums: Weighted, jacobian: Array, left: LeftOut) -> float:
+    """The same for a run that was left out, with what the constants may be otherwise, in twice log density.
+
+    Args:
+        jacobian: derivatives of the coefficients, (k, p). left: what the other runs tell.
+    """
+    free = np.flatnonzero(left.free)
+    size = len(free)
+    basis = np.concatenate((jacobian[:, free], own), axis=1)
+    stiffness = np.eye(basis.shape[1])
+    stiffness[:size, :size] = left.information[np.ix_(free, free)]
+    scale = 1.0 / np.sqrt(np.diag(stiffness))  # the unknowns have units of their own
+    basis = basis * scale
+    stiffness = stiffness * np.outer(scale, scale)
+    after = stiffness + basis.T @ sums.curvature @ basis
+    pull = basis.T @ sums.matrix @ h
+    found = float(np.linalg.slogdet(after[:size, :size])[1] - np.linalg.slogdet(stiffness[:size, :size])[1])
+    return _fall_within_bounds(after, pull, size) - found
+
+
+def _fall_within_bounds(stiffness: Array, pull: Array, size: int) -> float:
+    """By how much a misfit falls at its lowest; what stands behind ``size`` is what a run has of its own.
+
+    That is told in standard deviations and goes no further than so many: a friction that differs more from
+    run to run follows something that the model lacks.
+    """
+    found = np.linalg.solve(stiffness, pull)
+    own = np.clip(found[size:], -RUN_VARIATION_BOUND, RUN_VARIATION_BOUND)
+    if np.array_equal(own, found[size:]):
+        return float(pull @ found)
+    rest = pull[:size] - stiffness[:size, size:] @ own
+    found = np.concatenate((np.linalg.solve(stiffness[:size, :size], rest), own))
+    return float(2.0 * pull @ found - found @ stiffness @ found)

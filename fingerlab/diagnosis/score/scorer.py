@@ -18,7 +18,7 @@ import numpy as np
 
 from fingerlab.diagnosis.equations.model import Choice, Model, build
 from fingerlab.diagnosis.equations.parameters import TIP_LAWS, TORQUE_ZERO
-from fingerlab.diagnosis.fit.data import Data, FoldNumbers, Weighted, Weights, change, own_to_a_run
+from fingerlab.diagnosis.fit.data import Data, FoldNumbers, Weights, change, own_to_a_run
 from fingerlab.diagnosis.fit.noise import (
     add_encoder_noise,
     fill_missing_noise,
@@ -28,6 +28,7 @@ from fingerlab.diagnosis.fit.noise import (
     products_of_rows,
 )
 from fingerlab.diagnosis.fit.priors import prior_penalty, starting_arms
+from fingerlab.diagnosis.fit.random_effects import explained, own_share, predictive_correction
 from fingerlab.diagnosis.fit.solver import Fitter, LeftOut
 from fingerlab.diagnosis.gram.run_constants import EquationWeights, Offsets, RunConstants
 from fingerlab.diagnosis.gram.sums import Reduced
@@ -35,7 +36,6 @@ from fingerlab.diagnosis.score.fitted_model import FittedModel, FoldErrors, pair
 from fingerlab.diagnosis.settings import (
     FULL_ITERATIONS,
     MOST_ROUNDS,
-    RUN_VARIATION_BOUND,
     SETTLED,
     USUAL_ITERATIONS,
 )
@@ -391,7 +391,7 @@ class Scorer:
         if left is None:
             square -= explained(own, h, sums)
         else:
-            square -= allowance(own, h, sums, jacobian, left)
+            square -= predictive_correction(own, h, sums, jacobian, left)
         samples = EFFECTIVE_SHARE * group.folds[k].samples
         if self._above_weights and not group.repeats:
             square -= samples * np.count_nonzero(np.diag(fitter.weights[group.key]))
@@ -457,61 +457,3 @@ class Scorer:
 def _model_key(law: str, choices: Sequence[Choice]) -> tuple[object, ...]:
     """What tells models on the same sessions apart."""
     return (law, *((c.effect.id, c.shape, c.effect.widened) for c in choices))
-
-
-def explained(own: Array, h: Array, sums: Weighted) -> float:
-    """What of a misfit the run's own share of the features explains, less what that costs: as a Gaussian.
-
-    Args:
-        own: what one standard deviation of each part adds to the features, (k, parts).
-        h: the features' coefficients, (k,). sums: weighted products of the features over the run.
-    """
-    if not own.shape[1]:
-        return 0.0
-    pull = own.T @ sums.matrix @ h
-    stiffness = own.T @ sums.curvature @ own + np.eye(own.shape[1])
-    return _gained(stiffness, pull, 0)
-
-
-def own_share(own: Array, h: Array, sums: Weighted) -> Array:
-    """What a run's own share of the features would have to be for its misfit to be least, (k,)."""
-    if not own.shape[1]:
-        return np.zeros(len(h))
-    stiffness = own.T @ sums.curvature @ own + np.eye(own.shape[1])
-    found = np.linalg.solve(stiffness, own.T @ sums.matrix @ h)
-    return np.asarray(-own @ np.clip(found, -RUN_VARIATION_BOUND, RUN_VARIATION_BOUND))
-
-
-def allowance(own: Array, h: Array, sums: Weighted, jacobian: Array, left: LeftOut) -> float:
-    """The same for a run that was left out, with what the constants may be otherwise, in twice log density.
-
-    Args:
-        jacobian: derivatives of the coefficients, (k, p). left: what the other runs tell.
-    """
-    free = np.flatnonzero(left.free)
-    size = len(free)
-    basis = np.concatenate((jacobian[:, free], own), axis=1)
-    stiffness = np.eye(basis.shape[1])
-    stiffness[:size, :size] = left.information[np.ix_(free, free)]
-    scale = 1.0 / np.sqrt(np.diag(stiffness))  # the unknowns have units of their own
-    basis = basis * scale
-    stiffness = stiffness * np.outer(scale, scale)
-    after = stiffness + basis.T @ sums.curvature @ basis
-    pull = basis.T @ sums.matrix @ h
-    found = float(np.linalg.slogdet(after[:size, :size])[1] - np.linalg.slogdet(stiffness[:size, :size])[1])
-    return _gained(after, pull, size) - found
-
-
-def _gained(stiffness: Array, pull: Array, size: int) -> float:
-    """By how much a misfit falls at its lowest; what stands behind ``size`` is what a run has of its own.
-
-    That is told in standard deviations and goes no further than so many: a friction that differs more from
-    run to run follows something that the model lacks.
-    """
-    found = np.linalg.solve(stiffness, pull)
-    own = np.clip(found[size:], -RUN_VARIATION_BOUND, RUN_VARIATION_BOUND)
-    if np.array_equal(own, found[size:]):
-        return float(pull @ found)
-    rest = pull[:size] - stiffness[:size, size:] @ own
-    found = np.concatenate((np.linalg.solve(stiffness[:size, :size], rest), own))
-    return float(2.0 * pull @ found - found @ stiffness @ found)
