@@ -158,7 +158,7 @@ def _look(
     """Tell what a model leaves of the runs that its fit has not seen, in the floors of the last answer."""
     if weights is not None:
         fitted = scorer.fit(fitted.choices, fitted, FULL_ITERATIONS, weights)
-        scorer = scorer.in_floors()
+        scorer = scorer.with_floor_weights()
     found = scorer.score_held_out(fitted, residuals=True)
     first(FirstLook(tuple(found.effect_ids), found.score, equation_errors(scorer.reduced, found)))
 

@@ -301,11 +301,11 @@ def _check(features: Sequence[Feature], cable: str, values: Mapping[str, float],
                 f"The effect '{feature.owner}' puts a term of scale '{feature.scale}' into a joint's "
                 "equation; its terms there should be of scale 'joint' or 'direct'."
             )
-        if feature.owner is not None and not feature.borrowed and key and key not in values:
+        if feature.owner is not None and not feature.shares_nuisance and key and key not in values:
             raise UserError(
                 f"{where} lacks the value of '{key}'; save the model again with 'diagnose --save'."
             )
-        own = [key] if feature.routed else []
+        own = [key] if feature.per_cable else []
         if any(one and one not in values for one in [*own, scale_key(feature, cable)]):
             raise UserError(
                 f"{where} was not fitted with the {cable} cable; fit a model to a session that has runs "

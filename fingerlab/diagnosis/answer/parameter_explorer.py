@@ -148,7 +148,9 @@ class ParameterExplorer:
         size = len(values)
         fitted = FittedModel(self.model, Fit(values, np.eye(size), 0.0), self._weights)
         with threadpool_limits(limits=1, user_api="blas"):
-            scorer = self._scorer.in_floors()  # a fresh one: else every place of a slider would be kept
+            scorer = (
+                self._scorer.with_floor_weights()
+            )  # a fresh one: else every place of a slider would be kept
             scored = scorer.score_in_sample(fitted, residuals=True)
             errors = equation_errors(scorer.reduced, scored)
             offsets = residual_offsets(scorer.run_offsets(fitted), self._runs)

@@ -152,7 +152,9 @@ class Remainder:
         reduced = self._reduction.refined([*self.effects, *offered], self._watch)
         fixed = self._reduction.fixed
         scorer = Scorer(replace(reduced, constants=self._reduction.constants, fixed=fixed))
-        return scorer if all(group.repeats for group in scorer.reduced.groups) else scorer.in_floors()
+        return (
+            scorer if all(group.repeats for group in scorer.reduced.groups) else scorer.with_floor_weights()
+        )
 
     def _effect(self, term: DraftTerm) -> Effect:
         if term not in self._as_effects:

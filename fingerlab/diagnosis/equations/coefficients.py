@@ -38,9 +38,9 @@ def key_of(feature: Feature, cable: str) -> str:
     """The unknown that multiplies a feature, by the key that values are kept under; empty: none does."""
     if not feature.parameter:
         return ""
-    if feature.owner is not None and not feature.borrowed:
+    if feature.owner is not None and not feature.shares_nuisance:
         return f"{feature.owner}.{feature.parameter}"
-    return f"{feature.parameter}@{cable}" if feature.routed else feature.parameter
+    return f"{feature.parameter}@{cable}" if feature.per_cable else feature.parameter
 
 
 def scale_key(feature: Feature, cable: str) -> str:

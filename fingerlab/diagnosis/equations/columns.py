@@ -131,7 +131,7 @@ def layout_of(
 
 
 @dataclass(frozen=True)
-class Asked:
+class ReadRequest:
     """What is asked of a run: its kind's features as signals, of which the first ``common`` every model has.
 
     ``signals`` (features,) count from ``start``, the kind's first signal among those of all runs.
@@ -157,7 +157,7 @@ class Asked:
 
 def asked_of(
     layout: Layout, effects: Sequence[Effect], first: Layout | None, start: int, anew: bool, seek_cycle: bool
-) -> Asked:
+) -> ReadRequest:
     """What a layout asks of the runs of its kind.
 
     Args:
@@ -182,7 +182,9 @@ def asked_of(
         np.concatenate([layout.signals[layout.indices(e.id, k)] for k in range(len(e.shapes))] or [NONE])
         for e in effects
     )
-    return Asked(layout.signals, common, start, cached, tuple(formed), features, first is None, seek_cycle)
+    return ReadRequest(
+        layout.signals, common, start, cached, tuple(formed), features, first is None, seek_cycle
+    )
 
 
 NONE = np.zeros(0, dtype=int)

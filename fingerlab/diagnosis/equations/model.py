@@ -15,9 +15,9 @@ from fingerlab.diagnosis.equations.features import (
     SLOPE,
     BoolArray,
     Feature,
+    FeatureSet,
     IntArray,
     Layout,
-    Pick,
 )
 from fingerlab.diagnosis.equations.parameters import (
     ARMS,
@@ -139,7 +139,7 @@ class Model:
         return np.array([u.parameter.typical for u in self.unknowns])
 
     @cached_property
-    def pick(self) -> Pick:
+    def pick(self) -> FeatureSet:
         """The active features, for sums over samples."""
         return self.layout.every[self.active]
 
@@ -257,7 +257,7 @@ def _nuisance_unknowns(
         if name in absent or (nuisance.phase == "contact" and not contact):
             continue
         parameter = _range(nuisance, relaxed, name)
-        unknowns += [Unknown(name, parameter, cable=r) for r in (routings if feature.routed else [""])]
+        unknowns += [Unknown(name, parameter, cable=r) for r in (routings if feature.per_cable else [""])]
     if routings:
         unknowns += [
             Unknown(arm, _range(layout.nuisances[arm], relaxed, f"{arm}@{r}"), cable=r)

@@ -24,11 +24,11 @@ import numpy as np
 
 from fingerlab.core.plain_data import structured
 from fingerlab.diagnosis.equations.columns import layout_of
-from fingerlab.diagnosis.equations.features import Layout, Pick
+from fingerlab.diagnosis.equations.features import FeatureSet, Layout
 from fingerlab.diagnosis.equations.model import Model, build
 from fingerlab.diagnosis.equations.parameters import TORQUE_ZERO
 from fingerlab.diagnosis.fit.bounded_step import scaled_inverse
-from fingerlab.diagnosis.fit.data import Weights, own_to_a_run
+from fingerlab.diagnosis.fit.data import Weights, random_effect_columns
 from fingerlab.diagnosis.fit.noise import torque_noise
 from fingerlab.diagnosis.gram.decimation import Decimated, decimated_columns
 from fingerlab.diagnosis.gram.run_sums import difference_alone, in_common
@@ -139,7 +139,7 @@ class Contrast:
         zero: place and spread (N m) of a zero of the current that the old runs lack; None: no such.
     """
 
-    pick: Pick
+    pick: FeatureSet
     gap: Array
     reach: Array
     known: Array
@@ -150,7 +150,7 @@ def _contrast(kind: RunKind, truth: FittedModel, rival: FittedModel, temperature
     right, wrong = kind.model(truth), kind.model(rival)
     values = values_in(wrong, rival)
     coefficients, slopes = wrong.coefficients(values, kind.group)
-    wander = own_to_a_run(wrong, values, coefficients, kind.group)
+    wander = random_effect_columns(wrong, values, coefficients, kind.group)
     slopes = np.concatenate((slopes, wander), axis=1)
     every = np.union1d(right.active, wrong.active)
     gap, reach = np.zeros(len(every)), np.zeros((len(every), slopes.shape[1]))

@@ -30,23 +30,23 @@ class BoundTerms:
     Attributes:
         folds: that hold these runs, (n,).
         slope: by the features' coefficients, (n, k).
-        cross, pulled: products of the features with the parts, (n, k, parts), with noise and without.
-        give: what the parts would yield more without bounds, (n, parts, parts).
+        cross, cross_denoised: products of the features with the parts, (n, k, parts), with noise and without.
+        compliance: what the parts would yield more without bounds, (n, parts, parts).
     """
 
     folds: IntArray
     slope: Array
     cross: Array
-    pulled: Array
-    give: Array
+    cross_denoised: Array
+    compliance: Array
 
     def along(self, jacobian: Array) -> Weighted:
         """Curvature and matrix of each fold along some derivatives of the coefficients, (k, p): (n, p, p)."""
-        return Weighted(*(self._along(across, jacobian) for across in (self.cross, self.pulled)))
+        return Weighted(*(self._along(across, jacobian) for across in (self.cross, self.cross_denoised)))
 
     def _along(self, across: Array, jacobian: Array) -> Array:
         mine = across.transpose(0, 2, 1) @ jacobian
-        return np.asarray(mine.transpose(0, 2, 1) @ (self.give @ mine))
+        return np.asarray(mine.transpose(0, 2, 1) @ (self.compliance @ mine))
 
 
 @dataclass(frozen=True)
@@ -56,8 +56,8 @@ class RandomEffects:
     Attributes:
         parts: what one standard deviation of each adds to the features, (k, parts).
         folds: numbers of the folds that hold these runs, in order.
-        cross, pulled: products of the features with these parts over every fold, (folds, k, parts), with
-            noise and without.
+        cross, cross_denoised: products of the features with these parts over every fold, (folds, k, parts),
+            with noise and without.
         precision: with which each part is held near zero: 1 at face value.
         bound: standard deviations, at face value, that a part is off zero at most.
     """
@@ -65,7 +65,7 @@ class RandomEffects:
     parts: Array
     folds: IntArray
     cross: Array
-    pulled: Array
+    cross_denoised: Array
     precision: float
     bound: float
 
@@ -82,22 +82,22 @@ class RandomEffects:
     @cached_property
     def _wanted(self) -> Array:
         """What every part would be without bounds, by the features' coefficients, (folds * parts, k)."""
-        size = self.pulled.shape[1]
-        return np.asarray(self.inverse @ self.pulled.transpose(0, 2, 1)).reshape(-1, size)
+        size = self.cross_denoised.shape[1]
+        return np.asarray(self.inverse @ self.cross_denoised.transpose(0, 2, 1)).reshape(-1, size)
 
     @cached_property
     def schur_complement(self) -> Weighted:
         """What they take up of curvature and matrix of every fold without bounds, (folds, k, k)."""
-        cross, pulled = self.cross, self.pulled
+        cross, cross_denoised = self.cross, self.cross_denoised
         return Weighted(
             cross @ self.inverse @ cross.transpose(0, 2, 1),
-            pulled @ self.inverse @ pulled.transpose(0, 2, 1),
+            cross_denoised @ self.inverse @ cross_denoised.transpose(0, 2, 1),
         )
 
     @cached_property
     def schur_complement_of_all(self) -> Weighted:
         """The same of all folds, (k, k)."""
-        return Weighted(self._together(self.cross), self._together(self.pulled))
+        return Weighted(self._together(self.cross), self._together(self.cross_denoised))
 
     def _together(self, across: Array) -> Array:
         size = across.shape[1]
@@ -107,12 +107,12 @@ class RandomEffects:
     def explained(self, coefficients: Array) -> float:
         """What of the misfit of all its runs they take up at these coefficients of the features, (k,)."""
         wanted = self._wanted @ coefficients
-        taken = float(np.sum(wanted * (coefficients @ self.pulled).reshape(-1)))
+        taken = float(np.sum(wanted * (coefficients @ self.cross_denoised).reshape(-1)))
         return taken - self.misfit_at_bounds(coefficients)
 
     def misfit_at_bounds(self, coefficients: Array) -> float:
         """What the bounds add to what all runs leave."""
-        found = self._stand(coefficients)
+        found = self._clipped_runs(coefficients)
         if found is None:
             return 0.0
         far, short, _ = found
@@ -120,17 +120,17 @@ class RandomEffects:
 
     def beyond(self, coefficients: Array) -> BoundTerms | None:
         """The same as slope and curvature; None where no part would go further than its bound."""
-        found = self._stand(coefficients)
+        found = self._clipped_runs(coefficients)
         if found is None:
             return None
         far, short, free = found
         both = free[:, :, None] & free[:, None, :]
         moving = np.where(both, np.linalg.inv(np.where(both, self.system[far], np.eye(short.shape[1]))), 0.0)
-        cross, pulled = self.cross[far], self.pulled[far]
-        slope = (pulled @ short[:, :, None])[:, :, 0]
-        return BoundTerms(self.folds[far], slope, cross, pulled, self.inverse[far] - moving)
+        cross, cross_denoised = self.cross[far], self.cross_denoised[far]
+        slope = (cross_denoised @ short[:, :, None])[:, :, 0]
+        return BoundTerms(self.folds[far], slope, cross, cross_denoised, self.inverse[far] - moving)
 
-    def _stand(self, coefficients: Array) -> tuple[IntArray, Array, BoolArray] | None:
+    def _clipped_runs(self, coefficients: Array) -> tuple[IntArray, Array, BoolArray] | None:
         """Of the runs with a part at its bound, their places, (n,); how far each part falls short of what it
         would be without bounds, and which parts are at none, (n, parts) each."""
         wanted = (self._wanted @ coefficients).reshape(len(self.folds), -1)
@@ -142,7 +142,7 @@ class RandomEffects:
 
 
 def _within(curvatures_of_folds: Array, unconstrained: Array, bound: float) -> tuple[Array, BoolArray]:
-    """Where each of some bowls is lowest within the same bounds, and which parts are at none, (n, parts).
+    """Where each of some parabolas is lowest within the same bounds, and which parts are at none, (n, parts).
 
     All bounds that are wrong are exchanged at once (block principal pivoting, as in ``bounded_step``), in
     every system; one that does not settle so is taken by itself.

@@ -23,7 +23,7 @@ from fingerlab.diagnosis.fit.data import (
     FoldNumbers,
     Weighted,
     Weights,
-    own_to_a_run,
+    random_effect_columns,
     tells_set_down,
     temperature_of,
 )
@@ -279,7 +279,7 @@ class Fitter:
             for condition in group.conditions:
                 alike.setdefault(tells_set_down(group, condition), []).append(condition)
             for conditions in alike.values():
-                parts = own_to_a_run(self.model, values, coefficients[i], group, conditions[0])
+                parts = random_effect_columns(self.model, values, coefficients[i], group, conditions[0])
                 folds = np.array(sorted(k for c in conditions for k in group.of_condition(c)))
                 if parts.shape[1] and len(folds):
                     curved, pulled = self._across(i, parts, folds)

@@ -21,7 +21,7 @@ from itertools import count
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from fingerlab.diagnosis.equations.columns import Asked, Column, all_columns, effect_columns
+from fingerlab.diagnosis.equations.columns import Column, ReadRequest, all_columns, effect_columns
 from fingerlab.diagnosis.equations.features import SHIFT_SAMPLES, SLOPE, BoolArray, IntArray
 from fingerlab.diagnosis.settings import (
     AT_ONCE,
@@ -264,7 +264,7 @@ class SegmentCache:
         return run in self._runs
 
 
-def decimated_again(segment: CachedSegment, effects: Sequence[Effect], asked: Asked) -> Decimated:
+def decimated_again(segment: CachedSegment, effects: Sequence[Effect], asked: ReadRequest) -> Decimated:
     """The signals that are asked for, of a segment that was read before; few are formed."""
     low = np.zeros((len(asked.cached), len(segment.time)))
     rows = np.full(max(int(segment.live.max(initial=-1)), int(asked.cached.max())) + 1, -1)

@@ -18,7 +18,7 @@ import numpy as np
 
 from fingerlab.core.errors import UserError
 from fingerlab.core.progress import SILENT, Watch
-from fingerlab.diagnosis.equations.columns import Asked, asked_of, layout_of
+from fingerlab.diagnosis.equations.columns import ReadRequest, asked_of, layout_of
 from fingerlab.diagnosis.equations.features import Layout
 from fingerlab.diagnosis.gram.decimation import Decimated, SegmentCache
 from fingerlab.diagnosis.gram.run_constants import RunConstants
@@ -341,7 +341,7 @@ class Reduction:
         return Reduced(whole, every, self._on_bench, radius, self.constants, self.fixed, changed)
 
     def _changed_pairs(
-        self, runs: Sequence[Run], effects: Sequence[Effect], asked: Sequence[Asked], size: int
+        self, runs: Sequence[Run], effects: Sequence[Effect], asked: Sequence[ReadRequest], size: int
     ) -> Iterator[PairSums]:
         """The sums over every pair of runs before a known change and with it; these are read once more."""
         for numbers in changed_pairs(runs):

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from fingerlab.diagnosis.equations.features import Pick
+from fingerlab.diagnosis.equations.features import FeatureSet
 from fingerlab.diagnosis.equations.model import Model
 from fingerlab.diagnosis.signals.conditions import GroupKey
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
@@ -106,7 +106,9 @@ class RunConstants:
         """What one standard deviation of each source adds to the equations of a group, (5, 4)."""
         return np.asarray(self.shares[key] * self.spreads)
 
-    def pull(self, key: GroupKey, totals: Sequence[RunTotals], pick: Pick, weights: EquationWeights) -> Array:
+    def pull(
+        self, key: GroupKey, totals: Sequence[RunTotals], pick: FeatureSet, weights: EquationWeights
+    ) -> Array:
         """Weighted products of features with one standard deviation of each source, (runs, k, 4)."""
         return np.asarray(with_constants(totals, pick, weights) @ self.scaled(key))
 
@@ -172,7 +174,7 @@ def taken_up_by_folds(posterior_covariance: Array, pull: Array, folds: Sequence[
     return np.stack([schur_complement(pull[runs], posterior_covariance[runs], pull[runs]) for runs in folds])
 
 
-def with_constants(totals: Sequence[RunTotals], pick: Pick, weights: EquationWeights) -> Array:
+def with_constants(totals: Sequence[RunTotals], pick: FeatureSet, weights: EquationWeights) -> Array:
     """Weighted products of features with a constant in every equation, (runs, k, 5)."""
     values = np.stack([t.values for t in totals])[:, :, pick.signals, None]
     found = values[:, 0] * weights.everywhere[pick.rows] + values[:, 1] * weights.where_slack[pick.rows]

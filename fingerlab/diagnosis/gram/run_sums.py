@@ -20,7 +20,7 @@ from functools import lru_cache, partial
 import numpy as np
 from numpy.polynomial.legendre import legvander
 
-from fingerlab.diagnosis.equations.columns import Asked, of_the_user
+from fingerlab.diagnosis.equations.columns import ReadRequest, of_the_user
 from fingerlab.diagnosis.gram.decimation import (
     CachedSegment,
     Decimated,
@@ -137,7 +137,7 @@ def run_sums(
     session: Session,
     run: Run,
     effects: Sequence[Effect],
-    asked: Asked,
+    asked: ReadRequest,
     keep: Keep | None,
     cache: SegmentCache,
 ) -> RunSums:
@@ -179,7 +179,12 @@ def run_sums(
 
 
 def _decimated(
-    number: int, session: Session, run: Run, effects: Sequence[Effect], asked: Asked, cache: SegmentCache
+    number: int,
+    session: Session,
+    run: Run,
+    effects: Sequence[Effect],
+    asked: ReadRequest,
+    cache: SegmentCache,
 ) -> Iterator[Decimated]:
     """All signals of a run's segments, read or from the cache; a first reading is kept."""
     if number in cache:
@@ -222,7 +227,7 @@ def sums_in_turn(
     pairs: Sequence[tuple[Session, Run]],
     effects: Sequence[Effect],
     size: int,
-    asked: Sequence[Asked],
+    asked: Sequence[ReadRequest],
     cache: SegmentCache,
     keep: Keep | None,
 ) -> Iterator[RunSums]:
@@ -280,7 +285,7 @@ def _in_threads(
     pairs: Sequence[tuple[Session, Run]],
     effects: Sequence[Effect],
     size: int,
-    asked: Sequence[Asked],
+    asked: Sequence[ReadRequest],
     cache: SegmentCache,
     keep: Keep | None,
 ) -> Iterator[RunSums]:
@@ -335,7 +340,7 @@ _cached = SegmentCache(number=-1)
 
 
 def _elsewhere(
-    number: int, session: Session, run: Run, grids: Sequence[Grid], asked: Asked, analysis: int
+    number: int, session: Session, run: Run, grids: Sequence[Grid], asked: ReadRequest, analysis: int
 ) -> RunSums:
     """What the second process does."""
     global _cached

@@ -15,7 +15,7 @@ from typing import Literal
 
 import numpy as np
 
-from fingerlab.diagnosis.equations.features import IntArray, Layout, Pick
+from fingerlab.diagnosis.equations.features import FeatureSet, IntArray, Layout
 from fingerlab.diagnosis.gram.run_constants import (
     EquationWeights,
     RunConstants,
@@ -34,13 +34,13 @@ FloorFrom = Literal["cycles", "runs", "state law"]
 class Sums:
     """Products of signals over some samples.
 
-    ``products`` (signals, signals) counts all samples, ``loose`` those where the cable may be slack (None:
+    ``products`` (signals, signals) counts all samples, ``slack`` those where the cable may be slack (None:
     there are none), ``rest`` those where the motor stands and the cable is taut: ``rest_samples`` of them, in
     so many ``standstills``.
     """
 
     products: Array
-    loose: Array | None = None
+    slack: Array | None = None
     taut_samples: int = 0
     slack_samples: int = 0
     rest: Array | None = None
@@ -56,10 +56,10 @@ class Sums:
     def add(self, other: Sums, live: IntArray | None = None) -> None:
         """Count the samples of ``other`` too; it may hold the products of the signals ``live`` alone."""
         add_among(self.products, other.products, live)
-        if other.loose is not None:
-            if self.loose is None:
-                self.loose = np.zeros_like(self.products)
-            add_among(self.loose, other.loose, live)
+        if other.slack is not None:
+            if self.slack is None:
+                self.slack = np.zeros_like(self.products)
+            add_among(self.slack, other.slack, live)
         if other.rest is not None:
             if self.rest is None:
                 self.rest = np.zeros_like(self.products)
@@ -71,7 +71,7 @@ class Sums:
         self.runs += other.runs
         self.totals += other.totals
 
-    def of(self, pick: Pick, noise: Array | None = None, taut_noise: Array | None = None) -> Array:
+    def of(self, pick: FeatureSet, noise: Array | None = None, taut_noise: Array | None = None) -> Array:
         """Products of features, (k, k), as the equations see them: none of the cable at slack moments.
 
         Args:
@@ -79,18 +79,18 @@ class Sums:
             taut_noise: the same at a taut moment; None: no other.
         """
         found = pick.among(self.products)
-        if self.loose is not None:
-            found -= pick.among(self.loose) * pick.in_cable
+        if self.slack is not None:
+            found -= pick.among(self.slack) * pick.in_cable
         if noise is not None:
             taut = noise if taut_noise is None else taut_noise
             found -= np.where(pick.in_cable, self.taut_samples * taut, self.samples * noise)
         return found
 
-    def slack(self, pick: Pick) -> Array | None:
+    def slack_cable(self, pick: FeatureSet) -> Array | None:
         """Products of the cable equation's features at slack moments, (k, k); None: there are none."""
-        return None if self.loose is None else pick.among(self.loose) * pick.both_cable
+        return None if self.slack is None else pick.among(self.slack) * pick.both_cable
 
-    def at_rest(self, pick: Pick, noise: Array | None = None) -> Array | None:
+    def at_rest(self, pick: FeatureSet, noise: Array | None = None) -> Array | None:
         """Products of features where the motor stands, (k, k), less noise; None: it never does."""
         if self.rest is None:
             return None
@@ -99,16 +99,16 @@ class Sums:
 
     def taut(self) -> Array:
         """Products where the cable is taut, (signals, signals)."""
-        return self.products if self.loose is None else self.products - self.loose
+        return self.products if self.slack is None else self.products - self.slack
 
     def without(self, noise: Array) -> Sums:
         """The sums less what noise adds to one sample, (signals, signals)."""
         added = self.samples * noise
-        loose = None if self.loose is None else self.loose - self.slack_samples * noise
+        slack = None if self.slack is None else self.slack - self.slack_samples * noise
         rest = None if self.rest is None else self.rest - self.rest_samples * noise
-        return replace(self, products=self.products - added, loose=loose, rest=rest)
+        return replace(self, products=self.products - added, slack=slack, rest=rest)
 
-    def across(self, left: Array, pick: Pick, weights: EquationWeights, other: Pick) -> Array:
+    def across(self, left: Array, pick: FeatureSet, weights: EquationWeights, other: FeatureSet) -> Array:
         """Weighted products of combinations of features with single ones, (m, n).
 
         Args:
@@ -118,18 +118,18 @@ class Sums:
         for row in np.unique(other.rows):
             here = other.rows == row
             found = (left * weights.everywhere[pick.rows, row]) @ self.products[pick.signals]
-            if self.loose is not None:
-                found += (left * weights.where_slack[pick.rows, row]) @ self.loose[pick.signals]
+            if self.slack is not None:
+                found += (left * weights.where_slack[pick.rows, row]) @ self.slack[pick.signals]
             if weights.at_rest is not None and self.rest is not None:
                 found += (left * weights.at_rest[pick.rows, row]) @ self.rest[pick.signals]
             result[:, here] = found[:, other.signals[here]]
         return result
 
-    def among(self, pick: Pick, weights: EquationWeights) -> Array:
+    def among(self, pick: FeatureSet, weights: EquationWeights) -> Array:
         """Weighted products of features with each other, (k, k), without what comes on top at rest."""
         found = pick.among(self.products) * feature_weights(weights.everywhere, pick.rows)
-        if self.loose is not None:
-            found += pick.among(self.loose) * feature_weights(weights.where_slack, pick.rows)
+        if self.slack is not None:
+            found += pick.among(self.slack) * feature_weights(weights.where_slack, pick.rows)
         return np.asarray(found)
 
 

@@ -48,7 +48,7 @@ def scored_in_floors(
     scorer: Scorer, fitted: Sequence[FittedModel], weights: Weights
 ) -> tuple[Scorer, list[FittedModel]]:
     """Models, fitted and held out under the weights at the floor, and what scores them in its units."""
-    above = scorer.in_floors()
+    above = scorer.with_floor_weights()
     again = [above.fit(one.choices, one, FULL_ITERATIONS, weights) for one in fitted]
     return above, [above.score_held_out(one, residuals=True) for one in again]
 

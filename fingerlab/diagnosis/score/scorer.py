@@ -18,7 +18,7 @@ import numpy as np
 
 from fingerlab.diagnosis.equations.model import Choice, Model, build
 from fingerlab.diagnosis.equations.parameters import TIP_LAWS, TORQUE_ZERO
-from fingerlab.diagnosis.fit.data import Data, FoldNumbers, Weights, change, own_to_a_run
+from fingerlab.diagnosis.fit.data import Data, FoldNumbers, Weights, change, random_effect_columns
 from fingerlab.diagnosis.fit.noise import (
     add_encoder_noise,
     fill_missing_noise,
@@ -90,7 +90,7 @@ class Scorer:
         other.__dict__.pop("bare", None)
         return other
 
-    def in_floors(self) -> Scorer:
+    def with_floor_weights(self) -> Scorer:
         """The same, with a misfit above what the weights stand for where nothing repeats, too."""
         other = self.fresh()
         other._above_weights = True
@@ -264,7 +264,7 @@ class Scorer:
                 unseen = group.of_turn(turn)
                 for k, fold in enumerate(group.dealt):
                     if fold.turn == turn:
-                        one = self._square(
+                        one = self._fold_chi_square(
                             fitter, left.values, coefficients, i, k, left if k in unseen else None
                         )
                         scored.setdefault((i, fold.condition), []).append(one)
@@ -355,7 +355,9 @@ class Scorer:
         values = fitted.fit.values
         coefficients = fitter.coefficients(values)
         return [
-            np.array([self._square(fitter, values, coefficients, i, k) for k in range(len(group.dealt))])
+            np.array(
+                [self._fold_chi_square(fitter, values, coefficients, i, k) for k in range(len(group.dealt))]
+            )
             for i, group in enumerate(self.reduced.groups)
         ]
 
@@ -369,7 +371,7 @@ class Scorer:
             ]
         )
 
-    def _square(
+    def _fold_chi_square(
         self,
         fitter: Fitter,
         values: Array,
@@ -386,7 +388,7 @@ class Scorer:
         """
         group, sums = self.reduced.groups[i], fitter.part(i, (k,))
         h, jacobian = coefficients[0][i], coefficients[1][i]
-        own = own_to_a_run(fitter.model, values, h, group, group.dealt[k].condition)
+        own = random_effect_columns(fitter.model, values, h, group, group.dealt[k].condition)
         square = float(h @ sums.matrix @ h)
         if left is None:
             square -= explained(own, h, sums)
@@ -424,7 +426,9 @@ class Scorer:
                 h = coefficients[i]
                 if own:
                     h = h + own_share(
-                        own_to_a_run(fitter.model, values, h, group, fold.condition), h, fitter.part(i, (k,))
+                        random_effect_columns(fitter.model, values, h, group, fold.condition),
+                        h,
+                        fitter.part(i, (k,)),
                     )
                 products += self._products(fitter, values, i, k, h)
             found[group.key] = products / max(group.samples, 1)
@@ -440,7 +444,7 @@ class Scorer:
         """
         group, model = self.reduced.groups[i], fitter.model
         fold = group.folds[k]
-        products, slack = fold.of(model.pick), fold.slack(model.pick)
+        products, slack = fold.of(model.pick), fold.slack_cable(model.pick)
         if slack is not None and not model.slack_free:
             products = products + slack
         if coefficients is None:

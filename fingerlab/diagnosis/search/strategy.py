@@ -218,7 +218,7 @@ def _in_floors(question: Question, found: Found) -> Found:
     in the search all that a model left passed for noise.
     """
     weights = weights_at_floor(question.reduction, found.path[-1])
-    scorer = found.scorer.in_floors()
+    scorer = found.scorer.with_floor_weights()
     evidence = rescore(scorer, found.evidence, weights)
     by, steps = scored_in_floors(found.refined or found.scorer, found.path[1:], weights)
     rivals = []
