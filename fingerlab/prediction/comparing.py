@@ -232,7 +232,7 @@ class RunForce:
 
 
 @dataclass(frozen=True)
-class Beside:
+class ModelForces:
     """Predictors (``FILE: what``) in the order of the files, each with its runs by name.
 
     ``preferred`` are those to look at first: of a fit the PIP equation with extension's parameters, as the
@@ -255,7 +255,7 @@ class _Given:
 
 def predict_beside(
     session: Session, models: Mapping[str, SavedModel], progress: Progress | None = None
-) -> Beside:
+) -> ModelForces:
     """Predict every contact run with every model.
 
     Args:
@@ -289,7 +289,7 @@ def predict_beside(
     for file in models:
         ours = {n: s for n, s in given.sets.items() if n.startswith(f"{file}: ")}
         preferred += _preferred(ours, runs[0].cable)
-    return Beside(session.path, tuple(names), tuple(preferred), forces)
+    return ModelForces(session.path, tuple(names), tuple(preferred), forces)
 
 
 def _preferred(sets: Mapping[str, ParameterSet], cable: str) -> list[str]:

@@ -28,7 +28,7 @@ from fingerlab.diagnosis.gram.run_constants import EquationWeights, RunTotals
 from fingerlab.diagnosis.gram.sums import Group, Reduced
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.settings import NARROW_RATE_HZ
-from fingerlab.diagnosis.signals.conditions import GroupKey, deal_runs, group_key
+from fingerlab.diagnosis.signals.conditions import GroupKey, folds_of_runs, group_key
 from fingerlab.diagnosis.signals.filters import BRIDGED, CUT_OUT, EFFECTIVE_SHARE, SPIKE
 from fingerlab.diagnosis.signals.scales import as_recorded
 from fingerlab.effects.base import Row
@@ -335,7 +335,7 @@ def _shares_of_rows(fitted: FittedModel, group: Group) -> list[dict[Row, float]]
 
 def _members(runs: Sequence[Run]) -> dict[tuple[GroupKey, int], list[int]]:
     """Numbers of the runs of each condition of each group, as the reading deals them."""
-    folds, places = deal_runs(runs)
+    folds, places = folds_of_runs(runs)
     members: dict[tuple[GroupKey, int], list[int]] = {}
     for number, (run, place) in enumerate(zip(runs, places, strict=True)):
         key = group_key(run)

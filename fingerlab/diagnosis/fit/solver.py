@@ -76,7 +76,7 @@ class Fit:
 
 @dataclass(frozen=True)
 class LeftOut:
-    """What the runs but those of one turn tell.
+    """What the runs but those of one split tell.
 
     Attributes:
         values: of the unknowns, (p,). information: how well they are known, (p, p).
@@ -405,8 +405,8 @@ class Fitter:
                 break
         return values, gain
 
-    def without(self, values: Array, turn: int) -> LeftOut:
-        """One step from the fit ``values`` to that of the runs without the folds of a turn.
+    def without(self, values: Array, split: int) -> LeftOut:
+        """One step from the fit ``values`` to that of the runs without the folds of a split.
 
         A group of which nothing would be left stays in.
         """
@@ -427,7 +427,7 @@ class Fitter:
             self._whole = values, list(zip(pulls, bends, strict=True)), self.normal_equations(values)
         _, folds, (gradient, information) = self._whole
         for group, (pull, bend) in zip(self.data.groups, folds, strict=True):
-            for k in group.of_turn(turn):
+            for k in group.of_split(split):
                 gradient = gradient - pull[k]
                 information = information - bend[k]
         if np.any(np.diag(information) < self._stiffness):

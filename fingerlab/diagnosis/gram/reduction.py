@@ -30,7 +30,7 @@ from fingerlab.diagnosis.signals.conditions import (
     Fold,
     GroupKey,
     changed_pairs,
-    deal_runs,
+    folds_of_runs,
     group_key,
     missing_channels,
     repeated_motions,
@@ -314,7 +314,7 @@ class Reduction:
             asked[on_bench] = replace(found, orders=self._orders, by_state=by_state)
             start += layout.signal_count
         whole = _joined(*layouts.values())
-        dealt, places = deal_runs(runs)
+        dealt, places = folds_of_runs(runs)
         motions = _shared(self.motions)
         groups: dict[GroupKey, Group] = {}
         seen: list[ChannelSigns] = []

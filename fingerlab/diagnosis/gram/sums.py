@@ -287,9 +287,9 @@ class Group:
         """The conditions that its runs were recorded under."""
         return sorted({fold.condition for fold in self.dealt})
 
-    def of_turn(self, turn: int) -> list[int]:
-        """Indices of the folds that are left out in this turn; none where nothing else would be left."""
-        found = [k for k, fold in enumerate(self.dealt) if fold.turn == turn]
+    def of_split(self, split: int) -> list[int]:
+        """Indices of the folds that are left out in this split; none where nothing else would be left."""
+        found = [k for k, fold in enumerate(self.dealt) if fold.split == split]
         return found if len(found) < len(self.folds) else []
 
     def without(self, k: int) -> Group:

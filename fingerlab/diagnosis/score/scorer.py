@@ -249,7 +249,7 @@ class Scorer:
     def score_held_out(self, fitted: FittedModel, residuals: bool = False) -> FittedModel:
         """The model with every run scored by a fit that has not seen it.
 
-        The folds of one turn are left out together. A group with one run only is scored in sample. With
+        The folds of one split are left out together. A group with one run only is scored in sample. With
         ``residuals`` the equations' own residuals are kept too, and what is left fold by fold.
         """
         groups = self.reduced.groups
@@ -257,13 +257,13 @@ class Scorer:
         products = {g.key: np.zeros((5, 5)) for g in groups}
         by_fold = {g.key: FoldErrors(np.zeros(len(g.dealt)), np.zeros((len(g.dealt), 5, 5))) for g in groups}
         fitter = self._fitter(fitted)
-        for turn in sorted({fold.turn for g in groups for fold in g.dealt}):
-            left = fitter.without(fitted.fit.values, turn)
+        for split in sorted({fold.split for g in groups for fold in g.dealt}):
+            left = fitter.without(fitted.fit.values, split)
             coefficients = fitter.coefficients(left.values)
             for i, group in enumerate(groups):
-                unseen = group.of_turn(turn)
+                unseen = group.of_split(split)
                 for k, fold in enumerate(group.dealt):
-                    if fold.turn == turn:
+                    if fold.split == split:
                         one = self._fold_chi_square(
                             fitter, left.values, coefficients, i, k, left if k in unseen else None
                         )
