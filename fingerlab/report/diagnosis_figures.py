@@ -13,8 +13,8 @@ from matplotlib.ticker import MaxNLocator
 
 from fingerlab.core.text import ScreenUnit, screen_unit, with_minus
 from fingerlab.diagnosis.answer.error_parts import Budget, Comparison, equation_of
+from fingerlab.diagnosis.answer.residual_profiles import Profile, profile
 from fingerlab.diagnosis.answer.results import Diagnosis, Failure, Fingerprint, PathStep
-from fingerlab.diagnosis.answer.where import Profile, profile
 from fingerlab.report.budget_words import budget_lines, main_family
 from fingerlab.report.diagnosis_words import (
     FAMILY_TITLES,

@@ -20,8 +20,8 @@ from fingerlab.core.text import (
 from fingerlab.core.text import in_sentence as in_sentence
 from fingerlab.core.text import listed as listed
 from fingerlab.diagnosis.answer.error_parts import Comparison
+from fingerlab.diagnosis.answer.residual_profiles import COORDINATES, JOINTS, Profile
 from fingerlab.diagnosis.answer.results import Candidate, Diagnosis, Failure, OtherModel
-from fingerlab.diagnosis.answer.where import COORDINATES, JOINTS, Profile
 from fingerlab.diagnosis.score.calibration import Verdict
 from fingerlab.effects import find_effect
 from fingerlab.report.parameter_words import held_words

@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QPushButton, QStackedWidget, QWidget
 
 from fingerlab.core.errors import UserError
 from fingerlab.diagnosis.answer.error_parts import Comparison, equation_of
-from fingerlab.diagnosis.answer.where import Profile, full_rate, stretches_in, worst_run
+from fingerlab.diagnosis.answer.residual_profiles import Profile, full_rate, stretches_in, worst_run
 from fingerlab.diagnosis.score.calibration import Verdict
 from fingerlab.models.file import View
 from fingerlab.report.diagnosis_words import bin_words, not_shown
@@ -27,9 +27,9 @@ from .evidence import EvidencePanel
 from .lab_frame import BetterModelBanner, StepsColumn
 from .model_dialogs import ScorePartsDialog
 from .parameters import ParametersPanel
+from .residual_profiles import ProfilePanel
 from .result_words import best_choice, find_candidate, step_results
 from .validation import ValidationPanel
-from .where import WherePanel
 
 if TYPE_CHECKING:
     from .budget import BudgetDialog
@@ -56,7 +56,7 @@ class LabView(QWidget):
         self.plot = ComparisonPlot()
         self.candidates = CandidatesPanel()
         self.evidence = EvidencePanel()
-        self.where = WherePanel()
+        self.where = ProfilePanel()
         self.validation = ValidationPanel()
         self.path = PathPanel()
         self.better = BetterModelBanner()

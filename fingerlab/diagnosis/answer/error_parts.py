@@ -132,7 +132,7 @@ class Comparison:
     ``measured`` and ``modelled`` are in ``unit`` (SI), low-passed and decimated; both hold NaN where
     the equation says nothing (start-up, filter edges, slack cable). ``floor`` is the repeatability
     of the bench for this equation, in ``unit``. ``coordinates`` tell at the same times, each (n,) in SI,
-    what ``where.py`` asks for: "tension", "motor angle", "joint speed mcp" and so on.
+    what ``residual_profiles.py`` asks for: "tension", "motor angle", "joint speed mcp" and so on.
     ``aside`` are the stretches of the whole run that do not count here.
     """
 

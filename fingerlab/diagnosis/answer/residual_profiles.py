@@ -358,7 +358,7 @@ def spectrum(comparison: Comparison) -> ResidualFigure | None:
     return ResidualFigure("Spectrum of the residual", ("Frequency", "Hz"), up, curves)
 
 
-SHAPES: Mapping[str, Callable[[Comparison], ResidualFigure | None]] = {
+RESIDUAL_FIGURES: Mapping[str, Callable[[Comparison], ResidualFigure | None]] = {
     "angle_loop": angle_loop,
     "tension_loop": tension_loop,
     "autocorrelation": autocorrelation,
