@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal, TypeVar
 
 from fingerlab.core.errors import UserError
+from fingerlab.core.plain_data import is_number
 from fingerlab.diagnosis.equations.parameters import nuisance_ranges
 from fingerlab.diagnosis.signals.scales import SI, Scales
 from fingerlab.effects import find_effect
@@ -242,7 +242,7 @@ def _numbers(data: Mapping[str, Any]) -> dict[str, float]:
 
 
 def _number(value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+    if not is_number(value):
         raise ValueError
     return float(value)
 

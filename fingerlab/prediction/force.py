@@ -21,17 +21,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fingerlab.core.errors import UserError
-from fingerlab.diagnosis.equations.coefficients import (
-    DELAY,
-    Coefficients,
-    delay_weights,
-    key_of,
-    scale_key,
-)
+from fingerlab.diagnosis.equations.coefficients import DELAY, Coefficients, delay_weights, key_of, scale_key
 from fingerlab.diagnosis.equations.features import (
     SHIFT_SAMPLES,
     SLOPE,
-    BoolArray,
     Feature,
     base_columns,
     shifted_columns,
@@ -45,7 +38,7 @@ from fingerlab.diagnosis.signals.segments import segments_of
 from fingerlab.effects.base import Effect, Row
 from fingerlab.effects.transmission import as_effects_see_it
 from fingerlab.physics.motion import TOUCHING_FORCE_N, Motion, tip_depth
-from fingerlab.sessions.model import CABLE_NAMES, Array, Run, Session
+from fingerlab.sessions.model import CABLE_NAMES, Array, BoolArray, Run, Session
 from fingerlab.sessions.trajectory import named_frequency
 from fingerlab.signals.periods import MINIMUM_PERIODS, PeriodGrid, settles
 

@@ -20,7 +20,6 @@ key                meaning (default)
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,7 +30,7 @@ import numpy as np
 from fingerlab.acquisition.control.trajectories import FORCE, WAVES, with_points
 from fingerlab.core.errors import UserError
 from fingerlab.core.files import read_text
-from fingerlab.core.plain_data import read_object
+from fingerlab.core.plain_data import is_number, read_object
 from fingerlab.diagnosis.settings import SETTLING_S, WIDE_RATE_HZ
 from fingerlab.diagnosis.signals.scales import SI, Scales
 from fingerlab.physics.motion import TOUCHING_FORCE_N, Motion
@@ -104,7 +103,7 @@ def _number(settings: Mapping[str, Any], name: str, where: str) -> float:
     value = settings.get(name)
     if value is None:
         raise UserError(f"{where} lacks {name!r}, a number.")
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+    if not is_number(value):
         raise UserError(f"{where} has {name!r} = {value!r}; it should be a finite number.")
     return float(value)
 

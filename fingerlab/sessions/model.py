@@ -94,6 +94,8 @@ def as_stored(name: str, values: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
 
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
+IntArray = np.ndarray[Any, np.dtype[np.int64]]
+BoolArray = np.ndarray[Any, np.dtype[np.bool_]]
 
 
 class ChannelReader(Protocol):

@@ -10,7 +10,7 @@ import numpy as np
 
 from fingerlab.diagnosis.answer.error_parts import EQUATIONS, ROW_EQUATIONS, Comparison, ExcludedInterval
 from fingerlab.diagnosis.answer.results import Failure, Fingerprint
-from fingerlab.diagnosis.equations.features import FORCE, BoolArray
+from fingerlab.diagnosis.equations.features import FORCE
 from fingerlab.diagnosis.fit.noise import floor_covariance
 from fingerlab.diagnosis.gram.decimation import Decimated, counted
 from fingerlab.diagnosis.gram.sums import Group, Reduced
@@ -37,7 +37,7 @@ from fingerlab.effects.base import COORDINATE_UNITS, Effect, Row
 from fingerlab.effects.transmission import winding_state
 from fingerlab.physics import nominal
 from fingerlab.physics.motion import Motion
-from fingerlab.sessions.model import CABLE_NAMES, Array, Run, Session
+from fingerlab.sessions.model import CABLE_NAMES, Array, BoolArray, Run, Session
 
 ROW_UNITS = {Row.MCP: "N m", Row.PIP: "N m", Row.CABLE: "m", Row.BENCH: "N m", Row.TIP: "m"}
 

@@ -20,7 +20,7 @@ from fingerlab.diagnosis.answer.error_parts import (
     ScorePart,
 )
 from fingerlab.diagnosis.answer.results import HeldOutRuns
-from fingerlab.diagnosis.equations.features import FORCE, SHIFTS_S
+from fingerlab.diagnosis.equations.features import FORCE, NO_SHIFT
 from fingerlab.diagnosis.equations.parameters import TORQUE_ZERO
 from fingerlab.diagnosis.fit.noise import floor_covariance, misfit_floor
 from fingerlab.diagnosis.gram.reduction import Reduction
@@ -90,8 +90,8 @@ def squares_by_family(reduced: Reduced, fitted: FittedModel, group: Group) -> di
     routing = CABLE_NAMES[group.cable_sign]
     values = fitted.values
     a, b = values[f"arm_mcp@{routing}"], values[f"arm_pip@{routing}"]
-    pull = _variance(reduced, group, Row.MCP, SHIFTS_S.index(0.0))
-    wound = _variance(reduced, group, Row.CABLE, SHIFTS_S.index(0.0))
+    pull = _variance(reduced, group, Row.MCP, NO_SHIFT)
+    wound = _variance(reduced, group, Row.CABLE, NO_SHIFT)
     motor = np.zeros((5, 5))
     motor[np.ix_([Row.MCP, Row.PIP], [Row.MCP, Row.PIP])] = 0.25 * radius**2
     result = {

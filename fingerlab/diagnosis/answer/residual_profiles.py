@@ -13,7 +13,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fingerlab.diagnosis.answer.error_parts import Comparison
 from fingerlab.diagnosis.settings import (
@@ -30,10 +29,8 @@ from fingerlab.diagnosis.settings import (
     SURE,
     Z90,
 )
-from fingerlab.sessions.model import Array, Run
+from fingerlab.sessions.model import Array, IntArray, Run
 from fingerlab.signals.prepare import LEAST_FOR_SPECTRUM, amplitude_density
-
-IntArray = NDArray[np.int_]
 
 
 @dataclass(frozen=True)

@@ -19,15 +19,9 @@ from functools import cached_property
 
 import numpy as np
 
-from fingerlab.diagnosis.equations.features import (
-    BoolArray,
-    Feature,
-    IntArray,
-    shift_weights,
-    slope_weights,
-)
+from fingerlab.diagnosis.equations.features import Feature, shift_weights, slope_weights
 from fingerlab.effects.base import Row
-from fingerlab.sessions.model import CABLE_NAMES, Array
+from fingerlab.sessions.model import CABLE_NAMES, Array, BoolArray, IntArray
 
 DELAY = "delay"
 TORQUE_GAIN = "torque_gain"

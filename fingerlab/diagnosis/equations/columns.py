@@ -18,7 +18,6 @@ from fingerlab.diagnosis.equations.features import (
     NO_SHIFT,
     SLOPE,
     Feature,
-    IntArray,
     Layout,
     base_columns,
     beside_a_finger,
@@ -30,7 +29,7 @@ from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import Effect, Row, Term
 from fingerlab.effects.transmission import LATE, as_effects_see_it
 from fingerlab.physics.motion import Motion
-from fingerlab.sessions.model import Array, Session
+from fingerlab.sessions.model import Array, IntArray, Session
 
 Column = tuple[Array, int | None, bool, Callable[[], Feature]]
 """Values at the wide rate, shift, whether a user's own effect brings them, and what makes their feature."""

@@ -27,10 +27,7 @@ from fingerlab.effects.joints import lateral_levers
 from fingerlab.physics import nominal
 from fingerlab.physics.motion import Motion, dragged_tip, pressed, tip_depth, tip_reach, while_pressed
 from fingerlab.rig.file import Finger, Rig
-from fingerlab.sessions.model import Array
-
-IntArray = np.ndarray[Any, np.dtype[np.int64]]
-BoolArray = np.ndarray[Any, np.dtype[np.bool_]]
+from fingerlab.sessions.model import Array, BoolArray, IntArray
 
 
 @dataclass(frozen=True)

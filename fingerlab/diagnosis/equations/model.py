@@ -10,15 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from fingerlab.diagnosis.equations.coefficients import DELAY, Coefficients
-from fingerlab.diagnosis.equations.features import (
-    NO_SHIFT,
-    SLOPE,
-    BoolArray,
-    Feature,
-    FeatureSet,
-    IntArray,
-    Layout,
-)
+from fingerlab.diagnosis.equations.features import NO_SHIFT, SLOPE, Feature, FeatureSet, Layout
 from fingerlab.diagnosis.equations.parameters import (
     ARMS,
     SET_DOWN,
@@ -29,7 +21,7 @@ from fingerlab.diagnosis.equations.parameters import (
 )
 from fingerlab.effects.base import Effect, Row
 from fingerlab.physics.parameter import Parameter
-from fingerlab.sessions.model import CABLE_NAMES, Array
+from fingerlab.sessions.model import CABLE_NAMES, Array, BoolArray, IntArray
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from fingerlab.diagnosis.equations.features import FeatureSet, IntArray
+from fingerlab.diagnosis.equations.features import FeatureSet
 from fingerlab.diagnosis.equations.model import Model
 from fingerlab.diagnosis.equations.parameters import SET_DOWN
 from fingerlab.diagnosis.fit.noise import (
@@ -40,7 +40,7 @@ from fingerlab.diagnosis.settings import (
 )
 from fingerlab.diagnosis.signals.conditions import GroupKey
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
-from fingerlab.sessions.model import Array
+from fingerlab.sessions.model import Array, IntArray
 
 Weights = Mapping[GroupKey, Array]
 """Inverse covariance of the equations' noise for each group, (5, 5) over :class:`Row`."""

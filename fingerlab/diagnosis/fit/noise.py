@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from fingerlab.diagnosis.equations.features import NO_SHIFT, BoolArray, IntArray, Layout
+from fingerlab.diagnosis.equations.features import NO_SHIFT, Layout
 from fingerlab.diagnosis.equations.model import Model
 from fingerlab.diagnosis.equations.parameters import RUBS, SLIPS
 from fingerlab.diagnosis.gram.state_law import left_out_covariance
@@ -35,7 +35,7 @@ from fingerlab.diagnosis.settings import (
     TIP_FRICTION_SPREAD,
 )
 from fingerlab.effects.base import Row
-from fingerlab.sessions.model import Array
+from fingerlab.sessions.model import Array, BoolArray, IntArray
 
 
 def noise_of_a_sample(group: Group, square: Any = slice(None)) -> Array:

@@ -13,11 +13,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fingerlab.diagnosis.equations.features import BoolArray, IntArray
 from fingerlab.diagnosis.fit.bounded_step import bounded_step
 from fingerlab.diagnosis.fit.data import Weighted
 from fingerlab.diagnosis.settings import PIVOTING_ROUNDS, RUN_VARIATION_BOUND
-from fingerlab.sessions.model import Array
+from fingerlab.sessions.model import Array, BoolArray, IntArray
 
 if TYPE_CHECKING:
     from fingerlab.diagnosis.fit.solver import LeftOut

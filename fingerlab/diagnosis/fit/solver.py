@@ -13,7 +13,6 @@ from functools import cached_property, partial
 import numpy as np
 
 from fingerlab.diagnosis.equations.coefficients import DELAY
-from fingerlab.diagnosis.equations.features import BoolArray, IntArray
 from fingerlab.diagnosis.equations.model import Model
 from fingerlab.diagnosis.equations.parameters import CHANGED_OFFSET, LOSSES
 from fingerlab.diagnosis.fit.bounded_step import bounded_step, scaled_inverse
@@ -40,7 +39,7 @@ from fingerlab.diagnosis.settings import (
     WEAK_PRIOR,
 )
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
-from fingerlab.sessions.model import Array
+from fingerlab.sessions.model import Array, BoolArray, IntArray
 
 FIXED_WEIGHT = 1e12
 """Weight of the prior of an unknown that is fixed: its deviation is a millionth of what it usually is."""

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from fingerlab.diagnosis.equations.columns import Column, ReadRequest, all_columns, effect_columns
-from fingerlab.diagnosis.equations.features import SHIFT_SAMPLES, SLOPE, BoolArray, IntArray
+from fingerlab.diagnosis.equations.features import SHIFT_SAMPLES, SLOPE
 from fingerlab.diagnosis.settings import (
     AT_ONCE,
     AT_REST_DEG,
@@ -50,7 +50,7 @@ from fingerlab.diagnosis.signals.filters import (
 from fingerlab.effects.base import Effect, Shape
 from fingerlab.effects.transmission import DRIVE, driven_tension
 from fingerlab.physics.motion import Motion
-from fingerlab.sessions.model import Array
+from fingerlab.sessions.model import Array, BoolArray, IntArray
 
 
 def drive_shape(effects: Sequence[Effect]) -> Shape:

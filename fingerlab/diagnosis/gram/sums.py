@@ -15,16 +15,12 @@ from typing import Literal
 
 import numpy as np
 
-from fingerlab.diagnosis.equations.features import FeatureSet, IntArray, Layout
-from fingerlab.diagnosis.gram.run_constants import (
-    EquationWeights,
-    RunConstants,
-    RunTotals,
-)
+from fingerlab.diagnosis.equations.features import FeatureSet, Layout
+from fingerlab.diagnosis.gram.run_constants import EquationWeights, RunConstants, RunTotals
 from fingerlab.diagnosis.signals.channel_checks import ChannelRatios
 from fingerlab.diagnosis.signals.conditions import Fold, GroupKey
 from fingerlab.diagnosis.signals.segments import ChannelSigns
-from fingerlab.sessions.model import Array
+from fingerlab.sessions.model import Array, IntArray
 
 FloorFrom = Literal["cycles", "runs", "state law"]
 """Repeated cycles, these and repeated commands, or what a law of the measured state leaves."""

@@ -17,7 +17,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fingerlab.diagnosis.equations.features import BoolArray
 from fingerlab.diagnosis.equations.model import Choice, Model
 from fingerlab.diagnosis.fit.bounded_step import bounded_step
 from fingerlab.diagnosis.fit.data import Weights, random_effect_columns, temperature_of
@@ -29,7 +28,7 @@ from fingerlab.diagnosis.signals.conditions import GroupKey
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
 from fingerlab.diagnosis.signals.scales import powers_of
 from fingerlab.effects.base import Effect
-from fingerlab.sessions.model import Array
+from fingerlab.sessions.model import Array, BoolArray
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fingerlab.diagnosis.equations.features import BoolArray
 from fingerlab.diagnosis.score.fitted_model import FittedModel, paired_log_odds
 from fingerlab.diagnosis.settings import (
     CONTACT_PENALTY,
@@ -39,7 +38,7 @@ from fingerlab.diagnosis.settings import (
     USUAL_POINTS,
 )
 from fingerlab.effects.base import Row
-from fingerlab.sessions.model import Array
+from fingerlab.sessions.model import Array, BoolArray
 
 
 def justified(base: FittedModel, fitted: FittedModel, level: float = 0.0, reach: float = 0.0) -> bool:

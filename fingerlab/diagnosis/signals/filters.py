@@ -55,6 +55,11 @@ BRIDGED, CUT_OUT, UNEVEN = ("bridged", "time"), ("cut out", "time"), ("uneven", 
 analysed piece by piece, and those that came early or late, where all are taken at their times."""
 
 
+def bridge_samples(rate: float) -> int:
+    """So many lost samples in a row, at ``rate`` a second, are bridged; one at any rate."""
+    return max(int(LONGEST_BRIDGE_S * rate), 1)
+
+
 def at_even_times(
     samples: Mapping[str, Array], rate: float, lead: int
 ) -> tuple[dict[str, Array], dict[Repair, int]]:
@@ -76,7 +81,7 @@ def at_even_times(
     if not _straighter(samples["motor_position"], place):
         return dict(samples), {}
     every = np.arange(int(place[-1]) + 1)
-    gaps = np.rint(steps) > max(int(LONGEST_BRIDGE_S * rate), 1) + 1
+    gaps = np.rint(steps) > bridge_samples(rate) + 1
     cut = gaps[np.minimum(np.searchsorted(place, every, side="right") - 1, len(gaps) - 1)]
     cut_out, every = int(np.count_nonzero(cut & (every >= lead))), every[~cut]
     found = {name: np.interp(every, place, values) for name, values in samples.items()}
@@ -106,7 +111,7 @@ def bridged(samples: Mapping[str, Array], rate: float) -> tuple[dict[str, Array]
     time = samples["time"]
     steps = np.diff(time) * rate
     lost = np.rint(steps).astype(int) - 1
-    lost[(lost < 0) | (lost > max(int(LONGEST_BRIDGE_S * rate), 1))] = 0
+    lost[(lost < 0) | (lost > bridge_samples(rate))] = 0
     if not lost.any():
         return dict(samples), 0
     place = np.concatenate(([0], np.cumsum(lost + 1)))
@@ -117,7 +122,7 @@ def bridged(samples: Mapping[str, Array], rate: float) -> tuple[dict[str, Array]
 def lost(time: Array, rate: float) -> dict[Repair, int]:
     """Samples that a stretch of time, s, (n,), lacks: those that are bridged, and those of longer gaps."""
     missing = np.rint(np.diff(time) * rate).astype(int) - 1
-    short = missing <= max(int(LONGEST_BRIDGE_S * rate), 1)
+    short = missing <= bridge_samples(rate)
     counts = {BRIDGED: missing[short & (missing > 0)].sum(), CUT_OUT: missing[~short].sum()}
     return {what: int(count) for what, count in counts.items() if count}
 
