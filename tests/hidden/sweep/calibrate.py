@@ -136,8 +136,8 @@ def read(results: Path) -> tuple[list[KnownTrial], int]:
 
 FREE: dict[str, tuple[Callable[[float], float], float, float]] = {
     "verdict": (math.exp, math.log(0.5), 1.0),
-    "quiet": (float, 0.0, 1.5),
-    "strange": (float, 0.0, 1.5),
+    "nothing_offset": (float, 0.0, 1.5),
+    "unknown_offset": (float, 0.0, 1.5),
     "uninformative_verdict": (float, -4.5, 1.0),
     "uninformative_verdict_slope": (float, 1.5, 1.0),
     "effect": (math.exp, math.log(0.7), 0.7),
