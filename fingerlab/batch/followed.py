@@ -17,6 +17,7 @@ import numpy as np
 
 from fingerlab.batch.laws import Prior
 from fingerlab.batch.table import Row, is_delay, number_of, recorded_at
+from fingerlab.core.text import LEVEL
 from fingerlab.diagnosis.equations.coefficients import DELAY
 from fingerlab.diagnosis.equations.parameters import nuisance_ranges
 from fingerlab.diagnosis.settings import Z90
@@ -132,7 +133,6 @@ FOLLOWED_EFFECTS = sorted(
 DAYS_A_MONTH = 365.25 / 12
 LEAST_TIMES = 4
 """All slopes agree by chance one time in three with three points, one in twelve with four."""
-CONFIDENCE = 0.9
 FOLLOWED = ("score", "final_score")
 FOLLOWED_PARAMETERS = (
     "param.arm_mcp", "param.arm_pip", *(f"alone.{one.id}." for one in FOLLOWED_EFFECTS), "param.loss_mcp",
@@ -206,7 +206,7 @@ def trend(days: Array, values: Array) -> tuple[float, float, float] | None:
         return None
     from scipy.stats import theilslopes
 
-    slope, _, low, high = theilslopes(values, days / DAYS_A_MONTH, alpha=CONFIDENCE)
+    slope, _, low, high = theilslopes(values, days / DAYS_A_MONTH, alpha=LEVEL)
     return float(slope), float(low), float(high)
 
 

@@ -196,6 +196,10 @@ def _pretty(si: str) -> str:
     return si.replace("^2", "²").replace("^3", "³").replace("*", " ")
 
 
+LEVEL = 0.90
+"""Share of all intervals that are told which hold the true value."""
+
+
 def listed(words: Sequence[str]) -> str:
     """``a``, ``a and b``, ``a, b and c``."""
     return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else list(words))

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from fingerlab.core.text import LEVEL
 from fingerlab.sessions.model import Array
 from fingerlab.signals.periods import MINIMUM_PERIODS, PeriodGrid, cross_correlation_delay
 from fingerlab.thesis.prediction import ForcePrediction, judge_forces
@@ -101,7 +102,6 @@ def _delay(measured: Array, modelled: Array, rate: float, grid: PeriodGrid | Non
     return cross_correlation_delay(y, f) * grid.period / grid.phases / rate
 
 
-LEVEL = 0.90
 CELLS = 12
 """Parts of the loading cycle, each 30 degrees of the angle between force and its rate."""
 LEAST_IN_CELL = 20

@@ -18,14 +18,14 @@ import numpy as np
 
 from fingerlab.acquisition.control.motion import most_torque
 from fingerlab.core.errors import UserError
-from fingerlab.core.text import amount, significant
+from fingerlab.core.text import LEVEL, amount, significant
 from fingerlab.diagnosis.equations.parameters import SET_DOWN
 from fingerlab.diagnosis.settings import WIDE_RATE_HZ
 from fingerlab.diagnosis.signals.scales import reduced_motion
 from fingerlab.models.file import DIAGNOSIS_METHOD, SavedModel
 from fingerlab.physics import nominal
 from fingerlab.physics.motion import Motion, tip_reach
-from fingerlab.prediction.error_band import LEVEL, MOST_STRETCH, Band, force_rate
+from fingerlab.prediction.error_band import MOST_STRETCH, Band, force_rate
 from fingerlab.prediction.extended import Variant, extended_model
 from fingerlab.prediction.force import forces_of_motion
 from fingerlab.prediction.target import ContactPose, WantedForce, words_of

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from fingerlab.core.errors import UserError
+from fingerlab.core.text import LEVEL
 from fingerlab.diagnosis.settings import WIDE_RATE_HZ
-from fingerlab.prediction.error_band import LEVEL
 from fingerlab.prediction.feed_forward import FOUND, NOMINAL, smooth, thinned
 from fingerlab.prediction.target import WantedForce
 from fingerlab.sessions.model import Array, Run, Session
