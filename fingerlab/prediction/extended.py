@@ -14,10 +14,7 @@ from fingerlab.diagnosis.signals.scales import SI, Scales
 from fingerlab.effects import find_effect
 from fingerlab.effects.base import Effect
 from fingerlab.models.file import DIAGNOSIS_METHOD, ParameterEstimate, SavedModel, SessionHash
-from fingerlab.prediction.error_band import (
-    CELLS,
-    Band,
-)
+from fingerlab.prediction.error_band import CELLS, Band
 from fingerlab.rig.file import Rig
 
 Equation = Literal["both", "pip", "mcp"]

@@ -14,13 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from fingerlab.core.plain_data import json_ready
 from fingerlab.core.progress import SILENT, Watch
-from fingerlab.core.text import (
-    ScreenUnit,
-    decimals_for,
-    fixed,
-    largest_of,
-    screen_unit,
-)
+from fingerlab.core.text import ScreenUnit, decimals_for, fixed, largest_of, screen_unit
 from fingerlab.report.score_words import PHASE_WORDS
 from fingerlab.sessions.model import CHANNEL_UNITS
 from fingerlab.sessions.trajectory import trajectory_words

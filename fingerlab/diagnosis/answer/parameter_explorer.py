@@ -16,10 +16,7 @@ from threadpoolctl import threadpool_limits
 from fingerlab.core.progress import SILENT, Watch
 from fingerlab.core.text import ParameterEstimate
 from fingerlab.diagnosis.answer.curves import Display, RunOffsets, comparisons_of
-from fingerlab.diagnosis.answer.error_parts import (
-    Comparison,
-    EquationError,
-)
+from fingerlab.diagnosis.answer.error_parts import Comparison, EquationError
 from fingerlab.diagnosis.answer.errors import equation_errors
 from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.diagnosis.answer.wording import residual_offsets

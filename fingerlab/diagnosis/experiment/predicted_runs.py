@@ -27,13 +27,7 @@ from fingerlab.diagnosis.settings import (
     WIDE_RATE_HZ,
 )
 from fingerlab.diagnosis.signals.filters import decimate
-from fingerlab.diagnosis.signals.scales import (
-    SI,
-    Scales,
-    reduced_change,
-    scaled_change,
-    scaled_trajectory,
-)
+from fingerlab.diagnosis.signals.scales import SI, Scales, reduced_change, scaled_change, scaled_trajectory
 from fingerlab.diagnosis.signals.segments import segments_of
 from fingerlab.physics import nominal
 from fingerlab.physics.motion import Motion, added_body

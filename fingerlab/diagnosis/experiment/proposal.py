@@ -18,11 +18,7 @@ from fingerlab.diagnosis.experiment.separation import (
     predict_run,
     run_kind,
 )
-from fingerlab.diagnosis.experiment.worth import (
-    Among,
-    Hidden,
-    Judged,
-)
+from fingerlab.diagnosis.experiment.worth import Among, Hidden, Judged
 from fingerlab.diagnosis.gram.decimation import Decimated
 from fingerlab.diagnosis.score.calibration import Predicted
 from fingerlab.diagnosis.score.evidence import Evidence

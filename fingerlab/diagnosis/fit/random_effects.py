@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,9 +16,6 @@ from fingerlab.diagnosis.fit.bounded_step import bounded_step
 from fingerlab.diagnosis.fit.data import Weighted
 from fingerlab.diagnosis.settings import PIVOTING_ROUNDS, RUN_VARIATION_BOUND
 from fingerlab.sessions.model import Array, BoolArray, IntArray
-
-if TYPE_CHECKING:
-    from fingerlab.diagnosis.fit.solver import LeftOut
 
 
 @dataclass(frozen=True)
@@ -202,6 +198,20 @@ def own_share(own: Array, h: Array, sums: Weighted) -> Array:
     stiffness = own.T @ sums.curvature @ own + np.eye(own.shape[1])
     found = np.linalg.solve(stiffness, own.T @ sums.matrix @ h)
     return np.asarray(-own @ np.clip(found, -RUN_VARIATION_BOUND, RUN_VARIATION_BOUND))
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """What the runs but those of one split tell.
+
+    Attributes:
+        values: of the unknowns, (p,). information: how well they are known, (p, p).
+        free: those that no bound holds, (p,).
+    """
+
+    values: Array
+    information: Array
+    free: BoolArray
 
 
 def predictive_correction(own: Array, h: Array, sums: Weighted, jacobian: Array, left: LeftOut) -> float:

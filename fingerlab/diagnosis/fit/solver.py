@@ -26,7 +26,7 @@ from fingerlab.diagnosis.fit.data import (
     tells_set_down,
     temperature_of,
 )
-from fingerlab.diagnosis.fit.random_effects import BoundTerms, RandomEffects
+from fingerlab.diagnosis.fit.random_effects import BoundTerms, LeftOut, RandomEffects
 from fingerlab.diagnosis.gram.run_constants import EquationWeights, schur_complement, taken_up_by_folds
 from fingerlab.diagnosis.gram.sums import feature_weights
 from fingerlab.diagnosis.settings import (
@@ -39,7 +39,7 @@ from fingerlab.diagnosis.settings import (
     WEAK_PRIOR,
 )
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
-from fingerlab.sessions.model import Array, BoolArray, IntArray
+from fingerlab.sessions.model import Array, IntArray
 
 FIXED_WEIGHT = 1e12
 """Weight of the prior of an unknown that is fixed: its deviation is a millionth of what it usually is."""
@@ -71,20 +71,6 @@ class Fit:
         """The same where what the model leaves weighs so many times less, (p,); not what runs differ by."""
         by_noise = self.covariance if self.with_own is None else scaled_inverse(self.with_own)
         return np.sqrt(np.maximum(np.diag(self.covariance + (temperature - 1.0) * by_noise), 0.0))
-
-
-@dataclass(frozen=True)
-class LeftOut:
-    """What the runs but those of one split tell.
-
-    Attributes:
-        values: of the unknowns, (p,). information: how well they are known, (p, p).
-        free: those that no bound holds, (p,).
-    """
-
-    values: Array
-    information: Array
-    free: BoolArray
 
 
 class Fitter:

@@ -28,17 +28,12 @@ from fingerlab.diagnosis.fit.noise import (
     products_of_rows,
 )
 from fingerlab.diagnosis.fit.priors import prior_penalty, starting_arms
-from fingerlab.diagnosis.fit.random_effects import explained, own_share, predictive_correction
-from fingerlab.diagnosis.fit.solver import Fitter, LeftOut
+from fingerlab.diagnosis.fit.random_effects import LeftOut, explained, own_share, predictive_correction
+from fingerlab.diagnosis.fit.solver import Fitter
 from fingerlab.diagnosis.gram.run_constants import EquationWeights, Offsets, RunConstants
 from fingerlab.diagnosis.gram.sums import Reduced
 from fingerlab.diagnosis.score.fitted_model import FittedModel, FoldErrors, paired_misfit, sensitivity
-from fingerlab.diagnosis.settings import (
-    FULL_ITERATIONS,
-    MOST_ROUNDS,
-    SETTLED,
-    USUAL_ITERATIONS,
-)
+from fingerlab.diagnosis.settings import FULL_ITERATIONS, MOST_ROUNDS, SETTLED, USUAL_ITERATIONS
 from fingerlab.diagnosis.signals.conditions import GroupKey
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
 from fingerlab.effects.base import Row

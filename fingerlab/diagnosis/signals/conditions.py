@@ -16,13 +16,7 @@ from typing import Any
 import numpy as np
 
 from fingerlab.core.errors import UserError
-from fingerlab.diagnosis.settings import (
-    FOLDS,
-    MOST_CHANGES,
-    MOST_FOLDS,
-    SAME_DIFFERENCE,
-    SAME_SHARE,
-)
+from fingerlab.diagnosis.settings import FOLDS, MOST_CHANGES, MOST_FOLDS, SAME_DIFFERENCE, SAME_SHARE
 from fingerlab.rig.file import INTERVENTION, UNCHANGED, Intervention, intervention_of
 from fingerlab.sessions.model import Run, Session
 

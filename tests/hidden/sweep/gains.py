@@ -28,14 +28,7 @@ from fingerlab.diagnosis.experiment.separation import GainCalibration, GainLine
 from fingerlab.diagnosis.settings import DECIDING_LOG_ODDS
 from fingerlab.sessions.model import Array
 from fingerlab.twin.effects import EFFECTS
-from tests.hidden.sweep.table import (
-    LITTLE,
-    is_first,
-    kept_by_hand,
-    markdown_table,
-    told_of_truth,
-    well_told,
-)
+from tests.hidden.sweep.table import LITTLE, is_first, kept_by_hand, markdown_table, told_of_truth, well_told
 from tests.hidden.sweep.trials import Trial
 
 Entry = dict[str, Any]
