@@ -95,7 +95,7 @@ def _group(
     model, values, weights = fitted.model, fitted.fit.values, fitted.weights[group.key]
     return {
         "folds": [told.sums(fold) for fold in group.folds],
-        "conditions and turns": [[fold.condition, fold.turn] for fold in group.dealt],
+        "conditions and turns": [[fold.condition, fold.split] for fold in group.dealt],
         "noise as read": noise_read,
         "noise": told.array(group.noise),
         "noise samples": [float(noise_samples), float(group.noise_samples)],
