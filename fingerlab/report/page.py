@@ -308,7 +308,9 @@ def _budget_picture(diagnosis: Diagnosis, pictures: Pictures) -> dict[str, Any] 
 def _equations(diagnosis: Diagnosis, pictures: Pictures, many: bool) -> list[dict[str, Any]]:
     result = []
     present = {c.equation for c in diagnosis.comparisons}
-    for equation in [*(e for e in EQUATIONS if e in present), *sorted(present - set(EQUATIONS))]:
+    # Forces at the fingertip come last.
+    known = sorted(EQUATIONS, key=lambda name: EQUATIONS[name].family == "endpoint_force")
+    for equation in [*(e for e in known if e in present), *sorted(present - set(EQUATIONS))]:
         title, note = equation_of(equation).title, equation_of(equation).note
         stretches = chosen_stretches(diagnosis.comparisons, equation)
         drawn = [
