@@ -131,22 +131,17 @@ def _load(paths: tuple[Path, ...]) -> dict[str, ExtendedModel]:
 
 def _print(result: ModelComparison) -> None:
     console = table_console()
+    of_all = ("model", "effects", ">error / floor")
+    of_force = (">force error (mN)", ">R2", ">R2 normalised", ">amplitude (%)", ">in interval (%)")
+    forces = any(one.forces for one in result.models)  # a motor alone presses on nothing
     table = result_table(
-        *(
-            "model",
-            "effects",
-            ">error / floor",
-            ">force error (mN)",
-            ">R2",
-            ">R2 normalised",
-            ">amplitude (%)",
-        ),
-        ">in interval (%)",
+        *of_all,
+        *(of_force if forces else ()),
         title=f"{result.session.name}, runs that the values have not seen",
         padding=(0, 1, 0, 0),
     )
     for name, *rest in compared_rows(result):
-        table.add_row(Text(name), *rest)
+        table.add_row(Text(name), *(rest if forces else rest[: len(of_all) - 1]))
     console.print(table)
     if any(m.errors for m in result.models):
         console.print(_equations(result))

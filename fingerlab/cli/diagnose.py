@@ -238,7 +238,8 @@ def _print(result: Diagnosis, arc: str, budget: bool) -> None:
     if budget:
         _print_budget(console, result)
     console.print(_ranking(result))
-    console.print(f"error: with that effect in the model{'; * cannot be ruled out' if result.set else ''}\n")
+    starred = "; * cannot be ruled out" if result.set else ""
+    console.print(f"error: in floors, with that effect in the model{starred}\n")
     if arc:
         console.print(Text(f"{arc}\n"))
     for candidate in words.suspected(result):

@@ -145,6 +145,7 @@ def _effect_json(effect: Effect, file: str | None) -> dict[str, Any]:
     grid = {
         name: {"unit": unit, "values": [float(s[name]) for s in effect.shapes]}
         for name, unit in effect.shape_units.items()
+        if all(name in s for s in effect.shapes)
     }
     return {
         "id": effect.id,
@@ -198,7 +199,9 @@ def _paragraph(effect: Effect, mark: str) -> Text:
     for name, gain in gains.items():
         text.append(f"  {titles[name]}: {_range_words(gain)} ({gain.source})\n")
     for name, unit in effect.shape_units.items():
-        values = sorted({float(s[name]) for s in effect.shapes})
+        values = sorted({float(s[name]) for s in effect.shapes if name in s})
+        if not values:
+            continue
         shown = ", ".join(f"{value:g}" for value in values)
         text.append(f"  {name.removesuffix('_deg').replace('_', ' ')}: tried at {shown}{_unit(unit)}\n")
     return text

@@ -196,6 +196,10 @@ def import_text(
         session = open_session(target)
         write_json(_info_json(session, check_session(session)), json_target)
     _tell_left_out(plans, target)
+    if axis:
+        from fingerlab.report.recording_words import short_runs_words
+
+        _tell_if_any(short_runs_words(target))
     if json_target != "-":
         click.echo(f"Wrote {target}: {counted(len(plans), 'run')}.")
 
@@ -288,6 +292,11 @@ def _tell_left_out(plans: Sequence[ImportPlan], target: Path) -> None:
         return
     for words in left_out_words(target):
         click.echo(words, err=True)
+
+
+def _tell_if_any(sentence: str) -> None:
+    if sentence:
+        click.echo(sentence, err=True)
 
 
 def _each(given: tuple[str, ...], default: str, files: tuple[Path, ...], name: str) -> tuple[str, ...]:

@@ -173,6 +173,8 @@ def screen_unit(si: str, largest: float) -> ScreenUnit:
     si = si.strip()
     if si in ("", "1"):
         return ScreenUnit("", 1.0)
+    if si == "1/turn":
+        return ScreenUnit("per turn", 1.0)
     if si == "m":
         return ScreenUnit("µm", 1e6) if 0 < largest < 2e-4 else ScreenUnit("mm", 1e3)
     if si.startswith(("m/N", "m s/N")):

@@ -31,6 +31,7 @@ from fingerlab.diagnosis.answer.wording import (
     explanation,
     parameters,
     residual_offsets,
+    titles_in,
 )
 from fingerlab.diagnosis.equations.model import Choice, build
 from fingerlab.diagnosis.equations.parameters import TORQUE_LAG
@@ -53,6 +54,7 @@ from fingerlab.diagnosis.score.evidence import (
     undetectable,
 )
 from fingerlab.diagnosis.score.fitted_model import FittedModel, at_found_shapes, paired_score
+from fingerlab.diagnosis.score.floors import noise_below_floor
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.score.selection import justified, lacks_fit
 from fingerlab.diagnosis.search.exchange import ExchangedModel, odds_of_rivals
@@ -144,6 +146,7 @@ def diagnose(
         found = search_effects(question, scorer)
         if lacks_fit(found.path[-1], NEARLY_RIGHT):
             found = searched_again(question, scorer, found)
+        found = searched_below_floor(question, found)
         return _answer(question, found, display, started)
 
 
@@ -169,9 +172,9 @@ def settle_constants(reduction: Reduction, scorer: Scorer) -> Scorer:
     They are looked for once, under the bare model, whatever effects are given.
     """
     if scorer.reduced.on_bench and not (reduction.settled or reduction.late_torque):
-        reduction.late_torque = torque_is_late(reduction, scorer)
+        reduction.late_torque = torque_is_late(reduction, scorer.with_late_told())
     if reduction.late_torque:
-        scorer = scorer.with_late_torque()
+        scorer = scorer.with_late_told().with_late_torque()
     if reduction.constants is None and not reduction.settled:
         free = Scorer(replace(scorer.reduced, fixed={})) if scorer.reduced.fixed else scorer
         bare, rig = free.bare, reduction.sessions[0].rig
@@ -192,16 +195,15 @@ def torque_is_late(reduction: Reduction, scorer: Scorer) -> bool:
     lagging = late.score_held_out(late.fit_reweighted([], bare))
     place = lagging.model.index[TORQUE_LAG]
     lag, most = float(lagging.fit.values[place]), float(lagging.model.high[place])
-    usual = lagging.model.unknowns[place].parameter.typical
     if not lagging.misfit < (1.0 - LAG_SHARE) * bare.misfit:
         return False
     if lag < 0.0:
         return True
-    if not usual < lag < LAG_AT_EDGE * most:
+    if lag >= LAG_AT_EDGE * most:
         return False
     # Also where it is not asked for, or left out of the catalogue.
     rubs = next(e for e in CATALOGUE.values() if e.like_late_torque)
-    beside = Scorer(reduction.refined([rubs]))
+    beside = Scorer(replace(reduction.refined([rubs]), late_is_no_noise=True))
     rubbing = beside.score_held_out(beside.fit_reweighted([Choice(rubs)], bare))
     return rubbing.misfit - lagging.misfit > 2.0 * DECIDING_LOG_ODDS
 
@@ -243,6 +245,17 @@ def searched_again(question: Question, scorer: Scorer, found: Found) -> Found:
         return other
     reduction.constants = before
     return found
+
+
+def searched_below_floor(question: Question, found: Found) -> Found:
+    """The search where what passed for noise is mostly none; see ``noise_below_floor``."""
+    reduction, scorer = question.reduction, found.scorer
+    last = found.refined or scorer, found.path[-1]
+    reduction.torque_noise = noise_below_floor(reduction, (scorer, found.path[0]), last)
+    if not reduction.torque_noise.told_by:
+        return found
+    again = Scorer(reduction.of(question.catalogue))
+    return search_effects(question, settle_constants(reduction, again))
 
 
 def zero_is_confounded(runs: Sequence[Run]) -> bool:
@@ -352,12 +365,14 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
         paired=_paired(question.reduction, scorer, evidence, chosen),
         held=dict(reduction.fixed),
         constants=reduction.constants,
+        torque_noise=reduction.torque_noise,
         fitted=evidence.base,
         last=path[-1],
         bench=bench_findings(reduction, path[-1], by_last.run_offsets(path[-1])),
         better=None if found.better is None else _other_model(question.given, found.better),
         as_good=tuple(_other_model(question.given, one) for one in _as_good(found)),
         budget=error_budget(evidence.base, errors, steps, path, by_last),
+        titles={**titles_in(path[-1]), **titles_in(evidence.base)},
     )
 
 
@@ -407,7 +422,14 @@ def _cannot_be_ruled_out(
 def _path_steps(path: Sequence[FittedModel], better: ExchangedModel | None) -> tuple[PathStep, ...]:
     """The error path; a better model begins with an exchange."""
     removed = {1: better.removed} if better is not None else {}
-    return tuple(PathStep(_last(s) if k else None, s.score, removed.get(k)) for k, s in enumerate(path))
+    first, *others = path
+    return (
+        PathStep(None, first.score),
+        *(
+            PathStep(s.last_effect.id, s.score, removed.get(k), titles_in(s)[s.last_effect.id])
+            for k, s in enumerate(others, 1)
+        ),
+    )
 
 
 def _as_good(found: Found) -> list[ExchangedModel]:
@@ -459,10 +481,6 @@ def _next_run(
     )
 
 
-def _last(fitted: FittedModel) -> str | None:
-    return fitted.last_effect.id if fitted.choices else None
-
-
 def _candidates(
     evidence: Evidence,
     probability: Mapping[str, float],
@@ -500,7 +518,7 @@ def _candidates(
         result.append(
             Candidate(
                 effect=one.id,
-                title=one.title,
+                title=titles_in(fitted)[one.id],
                 score=fitted.score,
                 probability=posterior[i],
                 in_set=i in chosen,

@@ -193,11 +193,15 @@ class Effect:
         equation: the row in which that fingerprint is drawn.
         explanation: one sentence for a person, without numbers.
         of_an_axis: the same of a motor or an axis alone, at a point of ``shapes``; None: as ``explanation``.
+        title_of_an_axis: what it is called of one, at a point of ``shapes``; None: ``title``.
         reveal: the experiment that shows the effect where these data could not.
+        reveal_of_an_axis: the same of a motor or an axis alone, of whatever size; empty: as ``reveal``.
         mend: what on the bench makes it smaller, a sentence.
         shapes: grid of the nonlinear unknowns; each point is a mapping name -> value.
         shape_units: unit of each nonlinear unknown; what ``shapes`` holds beyond these are switches, 0 or 1.
-        shapes_seen: what recordings of the motor alone suggest in place of ``shapes``, from their motions.
+        shapes_seen: what recordings of the motor alone suggest in place of ``shapes``, from their motions;
+            these may name unknowns that ``shapes`` does not.
+        switches_seen: switches that they may hold beyond ``shapes``.
         closer: shapes around one that was found, finer than the grid, and of other laws of the same physics
             (what these name beyond the grid's shapes is 0 where it is missing); tried by grid refinement.
         phases: phases of a run in which it can act; empty means all.
@@ -230,10 +234,13 @@ class Effect:
     explanation: str
     reveal: str
     mend: str = ""
+    reveal_of_an_axis: str = ""
     of_an_axis: Callable[[Shape], str] | None = None
+    title_of_an_axis: Callable[[Shape], str] | None = None
     shapes: Sequence[Shape] = ({},)
     shape_units: Mapping[str, str] = field(default_factory=dict)
     shapes_seen: Callable[[Sequence[Motion]], Sequence[Shape]] | None = None
+    switches_seen: tuple[str, ...] = ()
     closer: Closer = as_found
     phases: tuple[str, ...] = ()
     cables: tuple[str, ...] = ()
@@ -275,7 +282,8 @@ class Effect:
         linear = [
             replace(one, name=name, symbol=symbols.get(name, "")) for name, one in self.unknowns.items()
         ]
-        return (*linear, *(self._shape(name, symbols.get(name, "")) for name in self.shape_units))
+        shaped = [name for name in self.shape_units if all(name in shape for shape in self.shapes)]
+        return (*linear, *(self._shape(name, symbols.get(name, "")) for name in shaped))
 
     @property
     def unknowns(self) -> dict[str, Parameter]:

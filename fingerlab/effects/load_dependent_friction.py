@@ -84,6 +84,7 @@ EFFECT = Effect(
         "The motor's equation misses a torque that opposes the travel and grows with the load."
     ),
     reveal="a motor bench with two known loads",
+    reveal_of_an_axis="runs under two known loads",
     mend="Grease the gearbox, or choose one with a smaller ratio; less pretension lowers it, too.",
     shapes=(
         *({"travel_deg": value, "sharpness": 1.0, "held": 1.0} for value in HELD_TRAVELS_DEG),

@@ -14,6 +14,7 @@ EFFECT = Effect(
     equation=Row.PIP,
     explanation=f"{BOTH_JOINTS}, which flips sign with motor speed.",
     reveal="a motor-bench run without a finger",
+    reveal_of_an_axis="slow motion that turns round often",
     mend="Run the gearbox in and grease it, or choose a smaller ratio.",
     shapes=WINDING_SHAPES,
     shape_units={"travel_deg": "deg"},
@@ -22,7 +23,7 @@ EFFECT = Effect(
     followed={"coulomb": "Motor friction, Coulomb"},
     formula=Formula(
         equation=r"\tau_m = C\,z(\theta_m;\delta)",
-        symbols="C: friction torque at the gearbox output. z: friction state of the winding, −1 to 1.",
+        symbols="C: friction torque at the gearbox output. z: friction state of the travel, −1 to 1.",
         source="Coulomb 1785 (Olsson et al. 1998), at the gearbox output.",
         values={"coulomb": "C", "travel_deg": r"\delta"},
         alike=("capstan_friction", "asymmetric_friction", "motor_stribeck_friction", "motor_presliding"),

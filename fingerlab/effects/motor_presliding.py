@@ -42,6 +42,7 @@ EFFECT = Effect(
     equation=Row.PIP,
     explanation=f"{BOTH_JOINTS}; it builds up over a small travel after a reversal.",
     reveal="small sines, 1 to 5 degrees, on the motor bench",
+    reveal_of_an_axis="small motions that turn round often",
     mend="Reverse less often, or add a small dither to the motor's command.",
     shapes=tuple({"travel_deg": value} for value in PRESLIDING_TRAVELS_DEG),
     shape_units={"travel_deg": "deg"},

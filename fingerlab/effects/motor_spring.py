@@ -27,7 +27,8 @@ EFFECT = Effect(
     explanation=f"{BOTH_JOINTS}, in proportion to the motor angle.",
     of_an_axis=lambda shape: OF_AN_AXIS,
     reveal="slow steps on the motor bench",
-    mend="Keep the motor's wires and the cable's end from pulling at the pulley.",
+    reveal_of_an_axis="slow steps over the whole travel",
+    mend="Keep wires, hoses and what else is fastened there from pulling at what the motor turns.",
     bench=True,
     formula=Formula(
         equation=r"\tau_m = k\,\theta_m",

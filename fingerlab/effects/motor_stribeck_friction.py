@@ -56,6 +56,7 @@ EFFECT = Effect(
     equation=Row.PIP,
     explanation=f"{BOTH_JOINTS}; it flips sign with motor speed, larger when slow.",
     reveal="a chirp from 0.1 to 3 Hz on the motor bench",
+    reveal_of_an_axis="motion from very slow to fast",
     mend="Grease the gearbox, and keep the motor from creeping: it is largest at low speed.",
     shapes=SPEEDS,
     shape_units={"stribeck_speed": "rad/s"},

@@ -25,6 +25,7 @@ EFFECT = Effect(
     equation=Row.PIP,
     explanation=f"{BOTH_JOINTS}, in proportion to motor speed.",
     reveal="a motor-bench run at several speeds",
+    reveal_of_an_axis="runs at several speeds",
     mend="Use a thinner grease in the gearbox, let it warm up, or move more slowly.",
     bench=True,
     followed={"viscous": "Motor friction, viscous"},

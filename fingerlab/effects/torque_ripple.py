@@ -8,19 +8,24 @@ import numpy as np
 
 from fingerlab.effects.base import BOTH_JOINTS, Effect, Example, Formula, Row, Shape, Term
 from fingerlab.effects.transmission import RIPPLE_ORDERS, drive_terms, pull_terms, turning_with
-from fingerlab.physics.motion import LEAST_PERIODS, Motion, strongest_orders
+from fingerlab.physics.motion import LEAST_PERIODS, Motion, strongest_lines
 from fingerlab.physics.parameter import Limits, Parameter
 
-RIPPLE = Parameter("N m", -0.05, 0.05, 0.003, title="ripple amplitude")
+RIPPLE = Parameter("N m", -0.05, 0.05, 0.003, title="amplitude")
 
-DOUBLE = Parameter("N m", -0.02, 0.02, 0.001, title="ripple amplitude at twice the order")
+DOUBLE = Parameter("N m", -0.02, 0.02, 0.001, title="amplitude at the second order")
 
-TRIPLE = Parameter("N m", -0.02, 0.02, 0.001, title="ripple amplitude at three times the order", cable="none")
+TRIPLE = Parameter("N m", -0.02, 0.02, 0.001, title="amplitude at the third order", cable="none")
 """Of a motor alone: behind a finger's cable nobody would tell it from the joints' own friction."""
 
 
 HARMONICS: dict[str, Parameter] = {"": RIPPLE, "double_": DOUBLE, "triple_": TRIPLE}
 
+LINES = ("order", "second_order", "third_order")
+"""Of a motor alone three lines of its spectrum: the order and its multiples, where no others are strong.
+Teeth, poles and an amplifier's offset repeat at orders that have nothing to do with each other."""
+ANOTHER_LINE = 0.05
+"""Share of the strongest line's power from which on one that is no multiple of it is another one; assumed."""
 WEIGHT = "weight"
 """Switch of a shape: the torque goes with sine and cosine of the angle, as the weight of a link does."""
 WEIGHS = {"order": 1.0, WEIGHT: 1.0}
@@ -33,7 +38,7 @@ def columns(motion: Motion, shape: Shape) -> list[Term]:
 
     Of a motor alone, with the third harmonic, too: cogging is as sharp as its teeth.
     """
-    order = shape["order"]
+    lines = _lines(shape)
     harmonics = 1 if shape.get(WEIGHT) else 3 if motion.finger is None else 2
 
     def column(gain: str, of: float, part: str) -> list[Term]:
@@ -44,10 +49,15 @@ def columns(motion: Motion, shape: Shape) -> list[Term]:
 
     return [
         term
-        for times, name in enumerate(list(HARMONICS)[:harmonics], 1)
+        for order, name in zip(lines[:harmonics], HARMONICS, strict=False)
         for part, of in (("sine", "imag"), ("cosine", "real"))
-        for term in column(f"{name}{part}", times * order, of)
+        for term in column(f"{name}{part}", order, of)
     ]
+
+
+def _lines(shape: Shape) -> list[float]:
+    """Orders of the three lines."""
+    return [shape.get(name, times * shape["order"]) for times, name in enumerate(LINES, 1)]
 
 
 def orders_seen(motions: Sequence[Motion]) -> tuple[Shape, ...]:
@@ -58,10 +68,27 @@ def orders_seen(motions: Sequence[Motion]) -> tuple[Shape, ...]:
     carries a link, whose weight goes with sine and cosine of its angle.
     """
     turns = float(np.median([np.ptp(one.position) for one in motions])) / (2.0 * math.pi)
+    found = strongest_lines(motions)
     usual = [float(n) for n in RIPPLE_ORDERS if n * turns >= LEAST_PERIODS] if turns < 1.0 else []
-    shapes = tuple({"order": order} for order in sorted({*usual, *strongest_orders(motions)}))
+    shapes = (*({"order": order} for order in sorted({*usual, *found})), *_of_unrelated(found))
     swings = turns < LEAST_PERIODS and all(one.revolute for one in motions)
     return (WEIGHS, *shapes) if swings else shapes
+
+
+def _of_unrelated(found: dict[float, float]) -> Sequence[Shape]:
+    """Shapes of two and of three strong lines that are no multiples of each other, if there are such."""
+    apart: list[float] = []
+    for order, power in found.items():
+        if power >= ANOTHER_LINE and not any(_is_multiple(order, other) for other in apart):
+            apart.append(order)
+    return [dict(zip(LINES, apart[:count], strict=False)) for count in (2, 3) if len(apart) >= count]
+
+
+def _is_multiple(one: float, other: float) -> bool:
+    """Whether one order is about a small multiple of the other: both are told in quarters."""
+    low, high = sorted((one, other))
+    times = round(high / low)
+    return times <= len(LINES) and abs(high - times * low) <= (times + 1) / 8
 
 
 def _closer(shape: Shape) -> Sequence[Shape]:
@@ -72,6 +99,11 @@ def _closer(shape: Shape) -> Sequence[Shape]:
     """
     if shape.get(WEIGHT):
         return (shape,)
+    if LINES[1] in shape:
+        moved = [
+            {**shape, name: shape[name] + k / 4} for name in LINES if name in shape for k in (-2, -1, 1, 2)
+        ]
+        return [shape, *moved]
     near = [shape["order"] + k / 2 for k in range(-6, 7)]
     doubles = [2.0 * order for order in near if 2.0 * order <= RIPPLE_ORDERS[-1]]
     return [{"order": order} for order in sorted({*near, *doubles})]
@@ -81,18 +113,33 @@ def _limits(shape: Shape) -> Limits | None:
     return (-MOST_WEIGHT, MOST_WEIGHT) if shape.get(WEIGHT) else None
 
 
+TITLE = "Torque ripple"
+
+
+def _title_of_an_axis(shape: Shape) -> str:
+    """What goes once a turn is told by its cause: nobody calls the weight of a link a ripple."""
+    if shape.get(WEIGHT):
+        return "Weight of a link out of balance"
+    return f"{TITLE} once a turn" if shape.get("order") == 1.0 else TITLE
+
+
 def _of_an_axis(shape: Shape) -> str:
     if shape.get(WEIGHT):
         return (
             "The motor's equation misses a torque that goes with the sine of its angle, once a turn: that of "
             "the weight of a link, or of whatever is out of balance."
         )
+    if shape.get("order") == 1.0:
+        return (
+            "The motor's equation misses a torque that repeats once a turn, as that of a weight out of "
+            "balance or of a part out of true."
+        )
     return "The motor's equation misses a torque, which repeats with the motor angle."
 
 
 EFFECT = Effect(
     id="torque_ripple",
-    title="Torque ripple",
+    title=TITLE,
     family="Motor and gearbox",
     acts_on=("motor_torque",),
     gains={
@@ -105,19 +152,23 @@ EFFECT = Effect(
     equation=Row.PIP,
     explanation=f"{BOTH_JOINTS}, which repeats with the motor angle.",
     of_an_axis=_of_an_axis,
+    title_of_an_axis=_title_of_an_axis,
     reveal="a slow sine of large amplitude on the motor bench",
-    mend="Use a motor with more commutator segments, or compensate its torque by its angle.",
+    reveal_of_an_axis="slow motion over a large travel",
+    mend="Use a motor with more commutator segments, balance what it carries, or compensate its torque by "
+    "its angle.",
     shapes=tuple({"order": float(n)} for n in RIPPLE_ORDERS),
-    shape_units={"order": "1/turn"},
+    shape_units=dict.fromkeys(LINES, "1/turn"),
     shapes_seen=orders_seen,
+    switches_seen=(WEIGHT,),
     closer=_closer,
     bench=True,
     formula=Formula(
-        equation=r"\tau_m = \sum_{k=1}^{3} A_k\sin kn\theta_m + B_k\cos kn\theta_m",
+        equation=r"\tau_m = \sum_{k=1}^{3} A_k\sin n_k\theta_m + B_k\cos n_k\theta_m",
         symbols=(
-            "A, B: amplitudes at the order and its multiples, the third of a motor alone only. n: periods a "
-            "turn of the pulley. Of a joint that turns by less than two turns k = n = 1 is tried, too: the "
-            "weight of a link."
+            "A, B: amplitudes, the third of a motor alone only. n: periods a turn of the output, the second "
+            "and third of them multiples of the first, but where a motor alone shows another strong line. Of "
+            "an axis that turns by less than two turns a single n = 1 is tried, too: the weight of a link."
         ),
         source="Ours: the first terms of a Fourier series over a turn, assumed.",
         values={
@@ -127,7 +178,9 @@ EFFECT = Effect(
             "double_cosine": "B_2",
             "triple_sine": "A_3",
             "triple_cosine": "B_3",
-            "order": "n",
+            "order": "n_1",
+            "second_order": "n_2",
+            "third_order": "n_3",
         },
     ),
     example=Example(

@@ -217,7 +217,12 @@ def nothing(length: int) -> Array:
 
 
 def strongest_orders(motions: Sequence[Motion]) -> tuple[float, ...]:
-    """Periods a turn at which the torque of a motor alone repeats most with its angle, strongest first.
+    """Periods a turn at which the torque of a motor alone repeats most with its angle, strongest first."""
+    return tuple(strongest_lines(motions))
+
+
+def strongest_lines(motions: Sequence[Motion]) -> dict[float, float]:
+    """The same with the share of the strongest one's power that each has, by order.
 
     Of what a smooth law of angle, speed, acceleration and load leaves, in quarters of a period.
     """
@@ -229,14 +234,15 @@ def strongest_orders(motions: Sequence[Motion]) -> tuple[float, ...]:
     orders = np.arange(len(power)) * BINS_A_TURN / size
     width = 2.0 * math.pi / max(travel, 1e-9)  # of a line, in orders
     places = np.flatnonzero((orders >= LEAST_PERIODS * width) & (orders <= HIGHEST_ORDER))
-    found: list[float] = []
+    found: dict[float, float] = {}
     for place in places[np.argsort(-power[places], kind="stable")]:
         order = round(4.0 * float(orders[place])) / 4.0
         if power[place] > 0 and all(abs(order - other) > LINE_WIDTHS * width for other in found):
-            found.append(order)
+            found[order] = float(power[place])
         if len(found) == STRONGEST:
             break
-    return tuple(found)
+    strongest = next(iter(found.values()), 1.0)
+    return {order: each / strongest for order, each in found.items()}
 
 
 def _over_angle(motion: Motion) -> Array:

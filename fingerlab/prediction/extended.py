@@ -186,7 +186,8 @@ def _effect(name: str, shape: Mapping[str, float], where: str) -> ChosenEffect:
             "let its file in first ('fingerlab effects' tells how), else use the program that wrote the file."
         )
     tried = [s for point in found.shapes for s in (point, *found.closer(point))]
-    wanted, known = set(found.shape_units), {*found.follows, *(key for s in tried for key in s)}
+    wanted = {name for name in found.shape_units if all(name in s for s in found.shapes)}
+    known = {*found.follows, *found.switches_seen, *found.shape_units, *(key for s in tried for key in s)}
     if not wanted <= set(shape) <= known:
         raise UserError(
             f"{where} gives '{name}' the shape {sorted(shape)}, but that effect here has "

@@ -12,7 +12,7 @@ from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.diagnosis.equations.parameters import ARMS
 from fingerlab.diagnosis.score.calibration import Verdict
 from fingerlab.effects import find_effect
-from fingerlab.report.diagnosis_words import FAMILY_TITLES, effect_title, in_sentence, judged_on
+from fingerlab.report.diagnosis_words import FAMILY_TITLES, effect_title, in_sentence, judged_on, run_proposed
 from fingerlab.report.parameter_words import parameter_title
 from fingerlab.report.score_words import apportioned
 
@@ -31,7 +31,7 @@ PART_HELP = {
     "parameters": "What the last model misses on runs left out and not on runs that it has seen, for its own "
     "constants and the bench's.",
     "calibration": "The same, for gains and zeros of the sensors.",
-    "between_runs": "Friction that wanders and a tip that is set down anew, a value for each run.",
+    "between_runs": "What has a value of its own in each run: friction that wanders, what is set down anew.",
     "floor": "What does not repeat from cycle to cycle.",
 }
 
@@ -39,7 +39,7 @@ MENDS = {
     "unknown": "No effect of the catalogue tells it.",
     "parameters": "Record more runs: what weighs most is {}.",
     "calibration": "Calibrate anew what weighs most: {}.",
-    "between_runs": "Warm the bench up and set the finger down alike before every run.",
+    "between_runs": "Warm the bench up, and set down alike before every run what it moves.",
     "floor": "No model goes below it; quieter sensors do, and means over many cycles.",
 }
 
@@ -105,7 +105,7 @@ def part_title(part: BudgetPart) -> str:
     if part.kind != "effect":
         return TITLES[part.kind]
     instead = f" for {in_sentence(effect_title(part.removed))}" if part.removed else ""
-    return f"{effect_title(part.effect)}{instead}"
+    return f"{part.title or effect_title(part.effect)}{instead}"
 
 
 def mend_words(part: BudgetPart, proposed: bool = False) -> str:
@@ -208,7 +208,7 @@ def mending_sentence(diagnosis: Diagnosis) -> str:
     family = main_family(diagnosis.budget)
     title = in_sentence(FAMILY_TITLES.get(family, family))
     budget = diagnosis.budget[family]
-    found = worth_mending(budget, diagnosis.next_experiment is not None)
+    found = worth_mending(budget, run_proposed(diagnosis))
     if not found and tenths(budget)[-1] == 1000:
         whole = _error(budget, sqrt(budget.mean_square))
         return f"There is nothing to mend: the error of the {title}, {whole}, is no more than its floor."
@@ -250,6 +250,6 @@ def mend_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     if not diagnosis.budget:
         return []
     budget = diagnosis.budget[main_family(diagnosis.budget)]
-    found = worth_mending(budget, diagnosis.next_experiment is not None)
+    found = worth_mending(budget, run_proposed(diagnosis))
     shares = [f"{_share(one)} (in other orders {one.orders})" if one.orders else _share(one) for one in found]
     return [(one.title, share, one.after, one.how) for one, share in zip(found, shares, strict=True)]

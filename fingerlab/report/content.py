@@ -269,7 +269,7 @@ class Content:
 
     def model_words(self) -> str:
         """The model that the diagnosis ends at."""
-        return words.model_words(self.diagnosis.final_model)
+        return words.model_words(self.diagnosis.final_model, self.diagnosis)
 
     def equation_or_refuse(self) -> FinalEquation:
         """The equation.

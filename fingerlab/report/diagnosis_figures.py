@@ -272,10 +272,14 @@ def diagnosis_figures(diagnosis: Diagnosis) -> Mapping[str, Figure]:
 
 def _step_name(step: PathStep, given: Sequence[str]) -> str:
     if step.added is not None and step.removed is not None:
-        return f"{in_sentence(effect_title(step.added))} for {in_sentence(effect_title(step.removed))}"
+        return f"{in_sentence(_added(step))} for {in_sentence(effect_title(step.removed))}"
     if step.added is not None:
-        return f"+ {in_sentence(effect_title(step.added))}"
+        return f"+ {in_sentence(_added(step))}"
     return "model as given" if given else "nominal model"
+
+
+def _added(step: PathStep) -> str:
+    return step.title or effect_title(str(step.added))
 
 
 WHERE_COLUMNS = 2

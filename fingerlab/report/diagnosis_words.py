@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from math import exp
 from pathlib import Path
 
@@ -23,10 +23,14 @@ from fingerlab.diagnosis.answer.error_parts import Comparison
 from fingerlab.diagnosis.answer.residual_profiles import COORDINATES, JOINTS, Profile
 from fingerlab.diagnosis.answer.results import Candidate, Diagnosis, Failure, OtherModel
 from fingerlab.diagnosis.score.calibration import Verdict
+from fingerlab.diagnosis.settings import LACK_OF_FIT
 from fingerlab.effects import find_effect
 from fingerlab.report.parameter_words import held_words
 from fingerlab.rig.file import read_intervention
 from fingerlab.sessions.trajectory import trajectory_words
+
+Named = Callable[[Diagnosis, str], str]
+"""What gives an effect's title in a diagnosis."""
 
 FAMILY_TITLES = {
     "joint_torque": "Joint torque",
@@ -58,8 +62,14 @@ CLEARLY_BETTER = 3.0
 """Log odds (twenty to one) from which on one model is told from another without a further recording."""
 
 IMPROBABLE = 0.01
-"""Probability below which an effect that is not ruled out is named apart from those that are like each other;
-assumed."""
+"""Probability, as it is told, up to which an effect that is not ruled out is named apart from those that are
+like each other; assumed."""
+
+TWICE, TENTH = 2.0, 0.1
+"""... and so is one that leaves so many times the error of the likeliest, and is so much less probable."""
+
+NO_CHANCE = 0.005
+"""Probability that is told as "< 1 %": no run is proposed for it."""
 
 MOST_PAIRED_NAMES = 3
 """So many effects are named beside a pair's difference, those that tell it best."""
@@ -74,13 +84,38 @@ def effect_title(effect: str) -> str:
     return effect.replace("_", " ").capitalize() if one is None else one.title
 
 
-def _names(effects: Sequence[str]) -> str:
-    return listed([in_sentence(effect_title(effect)) for effect in effects])
+def called(diagnosis: Diagnosis, effect: str) -> str:
+    """An effect's title as it was found in these recordings: what goes once a turn is a weight, no ripple.
+
+    As a candidate first, then on the error path, then in the model as given.
+    """
+    found = [one.title for one in diagnosis.candidates if one.effect == effect]
+    found += [step.title for step in diagnosis.path if step.added == effect and step.title]
+    return next(iter(found), diagnosis.titles.get(effect) or effect_title(effect))
 
 
-def model_words(model: Sequence[str]) -> str:
-    """``the nominal model``, or with what was put into it."""
-    return "the nominal model" + (f" with {_names(model)}" if model else "")
+def on_the_path(diagnosis: Diagnosis, effect: str) -> str:
+    """The same of an effect that the error path adds, or that the model at its end holds."""
+    return diagnosis.titles.get(effect) or called(diagnosis, effect)
+
+
+def called_in_sentence(diagnosis: Diagnosis, effects: Sequence[str], of: Named = called) -> str:
+    """``Coulomb friction and cable stretch``, as effects were found.
+
+    Args:
+        of: what gives their titles, :func:`called` or :func:`on_the_path`.
+    """
+    return listed([in_sentence(of(diagnosis, effect)) for effect in effects])
+
+
+def model_words(model: Sequence[str], diagnosis: Diagnosis | None = None) -> str:
+    """``the nominal model``, or with what was put into it.
+
+    Args:
+        diagnosis: that found it; None: effects are called as in the catalogue.
+    """
+    titles = [effect_title(e) if diagnosis is None else on_the_path(diagnosis, e) for e in model]
+    return "the nominal model" + (f" with {listed([in_sentence(t) for t in titles])}" if model else "")
 
 
 def suspects(diagnosis: Diagnosis) -> tuple[str, ...]:
@@ -111,9 +146,10 @@ def hidden_sentence(diagnosis: Diagnosis) -> str:
     hidden = hidden_besides(diagnosis)
     if not hidden:
         return ""
+    names = called_in_sentence(diagnosis, hidden)
     if not_shown(diagnosis):
-        return f"Nor could they have shown, although one of these is less likely: {_names(hidden)}."
-    return f"These data could not show, at a plausible strength: {_names(hidden)}."
+        return f"Nor could they have shown, although one of these is less likely: {names}."
+    return f"These data could not show, at a plausible strength: {names}."
 
 
 def would_show(diagnosis: Diagnosis) -> tuple[str, ...]:
@@ -155,9 +191,9 @@ def floor_sentence(diagnosis: Diagnosis) -> str:
     if diagnosis.repeats:
         return ""
     return (
-        "No motion in these runs comes again. The floor is therefore what a law of the measured state leaves "
-        "that knows no physics, beside the best model or alone: it bounds the noise, and a sine of a few "
-        "cycles would tell it."
+        "No motion in these runs comes again, so that the floor is an estimate: what the best model leaves, "
+        "or where that is less an all-purpose fit that knows no physics. The noise is at most that; a sine "
+        "of a few cycles would tell it."
     )
 
 
@@ -176,7 +212,7 @@ def held_sentence(diagnosis: Diagnosis) -> str:
 
 
 def _verdict_sentence(diagnosis: Diagnosis) -> str:
-    model, score = model_words(diagnosis.model), score_text(diagnosis.score)
+    model, score = model_words(diagnosis.model, diagnosis), score_text(diagnosis.score)
     error = f"its error on {judged_on(diagnosis)} is {score} times {_floor(diagnosis)}"
     if diagnosis.better is not None:
         judged = rival(diagnosis)
@@ -193,6 +229,11 @@ def _verdict_sentence(diagnosis: Diagnosis) -> str:
             )
         if not holds(diagnosis):
             return f"No effect is shown to be missing from {model} ({chance} probable), although {error}."
+        if unsure(diagnosis):
+            return (
+                f"No effect is shown to be missing from {model}, but that none is has a probability of only "
+                f"{chance}: {error}."
+            )
         seen = " that these data could show" if not_shown(diagnosis) else ""
         return (
             f"{more} is missing from {model}{seen} ({chance} probable): {error}, and 1 is the best that "
@@ -201,8 +242,8 @@ def _verdict_sentence(diagnosis: Diagnosis) -> str:
     if diagnosis.verdict == Verdict.NOT_IN_CATALOGUE or not diagnosis.candidates:
         chance = percent(diagnosis.probability_unknown)
         return (
-            f"Something is missing from {model} that is not in the catalogue ({chance} probable): {error}, "
-            f"and none of the {len(diagnosis.candidates)} effects tried explains it."
+            f"Something is missing from {model} that is not in the catalogue ({chance} probable): {error}"
+            f"{_explained_in_part(diagnosis)}{unexplained_words(diagnosis)}.{kind_of_unknown(diagnosis)}"
         )
     best = shown_best_first(diagnosis)[0]
     several = len(indistinguishable(diagnosis)) > 1
@@ -212,23 +253,68 @@ def _verdict_sentence(diagnosis: Diagnosis) -> str:
     )
     fall += _as_well(diagnosis, best)
     if several:
-        together = percent(sum(c.probability for c in diagnosis.candidates if c.effect in diagnosis.set))
+        alike = indistinguishable(diagnosis)
+        together = percent(sum(c.probability for c in diagnosis.candidates if c.effect in alike))
         return (
             f"One of these is missing from {model} ({together} probable), and these data cannot tell which: "
-            f"{_names(diagnosis.set)}; {fall}."
+            f"{called_in_sentence(diagnosis, alike)}; {fall}."
         )
     title, chance = in_sentence(best.title), percent(best.probability)
     return f"{title[:1].upper()}{title[1:]} is missing from {model} ({chance} probable): {fall}."
 
 
+def kind_of_unknown(diagnosis: Diagnosis) -> str:
+    """What kind of cause it is that no law of a motor's state tells; empty where nothing says so."""
+    told = diagnosis.torque_noise
+    share = percent(1.0 - told.share)
+    if told.told_by == "memory":
+        return (
+            f" It depends on what came before: a law with memory tells {share} of what no law of angle, "
+            "speed, acceleration and load does, as of a transmission that winds up, or has play."
+        )
+    if told.told_by == "runs":
+        return (
+            f" It differs from run to run: a law of each run's own tells {share} of what no law of all runs "
+            "does, as of a mass, a friction or a gain that was another one."
+        )
+    return ""
+
+
+def _explained_in_part(diagnosis: Diagnosis) -> str:
+    """What the path explains of what is not in the catalogue; empty where it explains nothing."""
+    added = worth_adding(diagnosis)
+    if not added:
+        return ""
+    names, left = called_in_sentence(diagnosis, added, on_the_path), score_text(diagnosis.path[-1].score)
+    return f"; {names} {'explain' if len(added) > 1 else 'explains'} a part of it, down to {left}"
+
+
+def unexplained_words(diagnosis: Diagnosis) -> str:
+    """The end of a sentence: that no effect explains what is missing, or what those of the path leave."""
+    tried = f"none of the {len(diagnosis.candidates)} effects tried explains"
+    return f", and {tried} {'what is left' if worth_adding(diagnosis) else 'it'}"
+
+
 def indistinguishable(diagnosis: Diagnosis) -> tuple[str, ...]:
-    """Of the effects that cannot be ruled out, the likeliest and those that are not improbable beside it."""
-    sure = {one.effect: one.probability for one in diagnosis.candidates}
-    return tuple(name for k, name in enumerate(diagnosis.set) if k == 0 or sure.get(name, 1.0) >= IMPROBABLE)
+    """Of the effects that cannot be ruled out, the likeliest and those that are nearly as good as it.
+
+    What is improbable, or a tenth as likely and leaves twice the error, could be told from it.
+    """
+    judged = {one.effect: one for one in diagnosis.candidates}
+    first = judged.get(diagnosis.set[0]) if diagnosis.set else None
+    if first is None:
+        return diagnosis.set
+
+    def alike(name: str) -> bool:
+        one = judged.get(name, first)
+        poor = one.score > TWICE * first.score and one.probability < TENTH * first.probability
+        return round(100 * one.probability) > 100 * IMPROBABLE and not poor
+
+    return (first.effect, *filter(alike, diagnosis.set[1:]))
 
 
 def improbable_rivals(diagnosis: Diagnosis) -> tuple[str, ...]:
-    """Effects that cannot be ruled out although they are improbable beside the others of the set."""
+    """Effects that cannot be ruled out although they are improbable, or leave much more than the others."""
     return tuple(name for name in diagnosis.set if name not in indistinguishable(diagnosis))
 
 
@@ -238,6 +324,15 @@ def could_hide(diagnosis: Diagnosis) -> Candidate | None:
         return None
     likeliest = max(diagnosis.candidates, key=lambda one: one.probability)
     return likeliest if likeliest.probability > diagnosis.probability_nothing else None
+
+
+def unsure(diagnosis: Diagnosis) -> bool:
+    """Whether nothing is missing by the verdict, and that is less probable than that something is."""
+    return diagnosis.verdict == Verdict.NOTHING_MISSING and diagnosis.probability_nothing < EVEN
+
+
+EVEN = 0.5
+"""Probability from which on an answer is likelier than all others together."""
 
 
 def holds(diagnosis: Diagnosis) -> bool:
@@ -267,9 +362,10 @@ def better_chance(diagnosis: Diagnosis) -> float:
     return 1.0 / (1.0 + exp(-diagnosis.better.log_odds)) if diagnosis.better is not None else 0.0
 
 
-def exchange_words(other: OtherModel) -> str:
+def exchange_words(other: OtherModel, diagnosis: Diagnosis) -> str:
     """``Stribeck friction in place of Coulomb friction``."""
-    return f"{_names(other.added)} in place of {_names(other.removed)}"
+    came, went = (called_in_sentence(diagnosis, names) for names in (other.added, other.removed))
+    return f"{came} in place of {went}"
 
 
 def better_sentence(diagnosis: Diagnosis) -> str:
@@ -278,7 +374,7 @@ def better_sentence(diagnosis: Diagnosis) -> str:
     if other is None:
         return ""
     before, after = score_text(diagnosis.score), score_text(other.score)
-    words = exchange_words(other)
+    words = exchange_words(other, diagnosis)
     said = (
         f"leaves about the same error, {after} times {_floor(diagnosis)}, and is the likelier law"
         if after == before or other.score > diagnosis.score
@@ -291,8 +387,8 @@ def as_good_sentence(diagnosis: Diagnosis) -> str:
     """Which other models these data cannot tell from the best one; empty where there are none."""
     if not diagnosis.as_good:
         return ""
-    said = [f"{exchange_words(one)} ({score_text(one.score)})" for one in diagnosis.as_good]
-    least = "the better model" if diagnosis.better is not None else model_words(diagnosis.model)
+    said = [f"{exchange_words(one, diagnosis)} ({score_text(one.score)})" for one in diagnosis.as_good]
+    least = "the better model" if diagnosis.better is not None else model_words(diagnosis.model, diagnosis)
     return f"These data cannot tell {least} from one with {' or '.join(said)}."
 
 
@@ -307,7 +403,8 @@ def _as_well(diagnosis: Diagnosis, best: Candidate) -> str:
     more = [effect for effect in worth_adding(diagnosis) if effect != best.effect]
     if not more:
         return ""
-    return f", and with {_names(more)} as well to {score_text(diagnosis.path[-1].score)}"
+    names = called_in_sentence(diagnosis, more, on_the_path)
+    return f", and with {names} as well to {score_text(diagnosis.path[-1].score)}"
 
 
 def set_sentence(diagnosis: Diagnosis) -> str:
@@ -315,28 +412,41 @@ def set_sentence(diagnosis: Diagnosis) -> str:
     if not_shown(diagnosis):
         hidden, weak = left_open(diagnosis)
         text = "Whether one of these is missing these data leave open."
-        text += f" They could not have shown, at a plausible strength: {_names(hidden)}." if hidden else ""
-        return f"{text} What they show of these is too weak to tell: {_names(weak)}." if weak else text
+        unseen, seen = (called_in_sentence(diagnosis, names) for names in (hidden, weak))
+        text += f" They could not have shown, at a plausible strength: {unseen}." if hidden else ""
+        return f"{text} What they show of these is too weak to tell: {seen}." if weak else text
     if diagnosis.set and diagnosis.verdict == Verdict.NOT_IN_CATALOGUE:
-        return f"Stronger than is thought possible, it could still be one of these: {_names(diagnosis.set)}."
+        names = called_in_sentence(diagnosis, diagnosis.set)
+        return f"Stronger than is thought possible, it could still be one of these: {names}."
     besides = _outcomes_left_open(diagnosis)
     alike, others = indistinguishable(diagnosis), improbable_rivals(diagnosis)
     if len(diagnosis.set) > 1:
-        text = f"These data cannot tell apart {_names(alike)}." if len(alike) > 1 else ""
+        same = called_in_sentence(diagnosis, alike)
+        text = f"These data cannot tell apart {same}." if len(alike) > 1 else ""
         if others:
-            each = "each below" if len(others) > 1 else "below"
-            text += f"{' ' if text else ''}Improbable, {each} {percent(IMPROBABLE)}, but not ruled out: "
-            text += f"{_names(others)}."
+            named = listed(_judged(diagnosis, others))
+            text = " ".join(filter(None, (text, f"Less likely, but not ruled out: {named}.")))
         return (
             f"{text} The one that is truly missing is meant to be among these {len(diagnosis.set)} in 95 % "
             f"of such cases.{besides}"
         )
     if diagnosis.set:
-        first = effect_title(diagnosis.set[0])
+        first = called(diagnosis, diagnosis.set[0])
         return f"{first} is told apart from every other effect of the catalogue.{besides}"
     if diagnosis.verdict == Verdict.NOTHING_MISSING:
         return "No effect is called for, so there is nothing to tell apart."
+    if worth_adding(diagnosis):
+        return "What is left is of no effect of the catalogue, so there is nothing to tell apart."
     return "No effect of the catalogue is justified, so there is nothing to tell apart."
+
+
+def _judged(diagnosis: Diagnosis, effects: Sequence[str]) -> list[str]:
+    """Effects with their probability and the error that they leave: ``cable stretch (1 %, 12.3 floors)``."""
+    by_id = {one.effect: one for one in diagnosis.candidates}
+    return [
+        f"{in_sentence(one.title)} ({percent(one.probability)}, {score_text(one.score)} floors)"
+        for one in (by_id[name] for name in effects if name in by_id)
+    ]
 
 
 def _outcomes_left_open(diagnosis: Diagnosis) -> str:
@@ -347,6 +457,8 @@ def _outcomes_left_open(diagnosis: Diagnosis) -> str:
         Verdict.NOTHING_MISSING: "nothing is missing",
         Verdict.NOT_IN_CATALOGUE: "it is not in the catalogue",
     }
+    if diagnosis.score**2 - 1.0 > LACK_OF_FIT:  # so much is left by no bench that lacks nothing
+        del said[Verdict.NOTHING_MISSING]
     still = [words for name, words in said.items() if name in diagnosis.calibration.cannot_be_ruled_out]
     return f" Nor can it be ruled out that {' or that '.join(still)}." if still else ""
 
@@ -381,7 +493,8 @@ def path_sentence(diagnosis: Diagnosis) -> str:
         return "No effect earns its place, so the path ends where it begins."
     last = diagnosis.path[-1].score
     steps = [
-        f"{in_sentence(effect_title(s.added))}{_instead(s.removed)} to {score_text(s.score)}"
+        f"{in_sentence(s.title or on_the_path(diagnosis, s.added))}{_instead(diagnosis, s.removed)} to "
+        f"{score_text(s.score)}"
         for s in diagnosis.path
         if s.added is not None
     ]
@@ -410,8 +523,9 @@ def how_to_add(diagnosis: Diagnosis) -> str:
         return text
     end, ours = score_text(diagnosis.path[-1].score), score_text(best.score)
     title = in_sentence(best.title)
-    path = f"{_names(added)}{' together' if len(added) > 1 else ''}"
-    why = f"The path begins with {_names(added[:1])}, although {title} is likelier as the one effect"
+    path = f"{called_in_sentence(diagnosis, added, on_the_path)}{' together' if len(added) > 1 else ''}"
+    first = called_in_sentence(diagnosis, added[:1], on_the_path)
+    why = f"The path begins with {first}, although {title} is likelier as the one effect"
     why += f": {path} leave{'s' * (len(added) == 1)} {end}, {title} alone {ours}"
     other = "" if best.effect in added else f" For that one: {_options((*diagnosis.model, best.effect))}"
     return f"{why}. {text}{'.' if other else ''}{other}"
@@ -421,9 +535,9 @@ def _options(effects: Sequence[str]) -> str:
     return " ".join(f"--add {name}" for name in effects)
 
 
-def _instead(removed: str | None) -> str:
+def _instead(diagnosis: Diagnosis, removed: str | None) -> str:
     """In whose place a step of the path puts its effect; empty where it adds it."""
-    return f" in place of {in_sentence(effect_title(removed))}" if removed else ""
+    return f" in place of {in_sentence(called(diagnosis, removed))}" if removed else ""
 
 
 def failure_sentence(failure: Failure | None) -> str:
@@ -442,7 +556,10 @@ def paired_sentence(diagnosis: Diagnosis) -> str:
         where += f" of {Path(pair.sessions[1]).name})" if len(set(pair.sessions)) > 1 else ")"
         misses = f"the model as given misses their difference by {score_text(pair.score)} times its floor"
         each = sorted((k, n) for n, k in pair.with_effect.items() if k < pair.score - LEAST_PAIRED)
-        best = [f"{_names([name])} by {score_text(score)}" for score, name in each[:MOST_PAIRED_NAMES]]
+        best = [
+            f"{called_in_sentence(diagnosis, [name])} by {score_text(score)}"
+            for score, name in each[:MOST_PAIRED_NAMES]
+        ]
         sentences.append(f"{where}: {misses}" + (f", with {listed(best)}." if best else "."))
     return " ".join(sentences)
 
@@ -453,17 +570,32 @@ def next_experiment_sentence(diagnosis: Diagnosis) -> str | None:
     if not proposal:
         return None
     phase, cable = str(proposal.get("phase") or ""), str(proposal.get("cable") or "none")
-    text = f"Record next: {_motion_words(proposal.get('trajectory'))}"
-    text += f", {PHASE_WORDS.get(phase, phase)}" if phase else ""
-    text += f", {cable} cable" if cable != "none" else ""
+    run = _motion_words(proposal.get("trajectory"))
+    run += f", {PHASE_WORDS.get(phase, phase)}" if phase else ""
+    run += f", {cable} cable" if cable != "none" else ""
     change = proposal.get("intervention")
-    text += f", {read_intervention(change, 'The proposal').words()}" if change else ""
-    purpose = _purpose_words(diagnosis)
-    text = f"{text}. {purpose}{_gain_words(proposal.get('expected_separation'))}." if purpose else f"{text}."
-    alone = proposal.get("chance_alone")
+    run += f", {read_intervention(change, 'The proposal').words()}" if change else ""
+    purpose, alone = _purpose_words(diagnosis), proposal.get("chance_alone")
+    text = f"Record next: {run}."
+    text += f" {purpose}{_gain_words(proposal.get('expected_separation'))}." if purpose else ""
     if not isinstance(alone, int | float):
         return text
+    if not run_proposed(diagnosis):
+        return (
+            f"No run is known that would settle it: after the best, {run}, the chance that the true one "
+            f"stands alone is {percent(alone)}."
+        )
+    if diagnosis.verdict == Verdict.NOTHING_MISSING:
+        return f"{text} The chance that the run settles that is {percent(alone)}."
     return f"{text} The chance that the true one then stands alone is {percent(alone)}."
+
+
+def run_proposed(diagnosis: Diagnosis) -> bool:
+    """Whether a run is proposed that has a chance to settle what is missing."""
+    if not diagnosis.next_experiment:
+        return False
+    chance = diagnosis.next_experiment.get("chance_alone")
+    return not (isinstance(chance, int | float) and chance < NO_CHANCE)
 
 
 def next_experiment_words(diagnosis: Diagnosis) -> str:
@@ -483,9 +615,10 @@ def _purpose_words(diagnosis: Diagnosis) -> str:
     """What the proposed run would tell; one that looks for what was not seen separates it from nothing."""
     effects = would_show(diagnosis)
     if effects and diagnosis.verdict == Verdict.NOTHING_MISSING:
-        return f"It would show {_names(effects)}, if there"
+        return f"It would show {called_in_sentence(diagnosis, effects)}, if there"
     if len(effects) > 1:
-        return f"It would tell {_names(effects[:1])} from {_names(effects[1:])}"
+        first, others = (called_in_sentence(diagnosis, part) for part in (effects[:1], effects[1:]))
+        return f"It would tell {first} from {others}"
     return ""
 
 

@@ -15,7 +15,7 @@ from fingerlab.diagnosis.equations.parameters import SLIPS
 from fingerlab.models.file import ParameterEstimate
 from fingerlab.prediction.extended import ChosenEffect, ExtendedModel
 from fingerlab.report.diagnosis_words import in_sentence
-from fingerlab.report.parameter_words import parameter_titles
+from fingerlab.report.parameter_words import is_told, parameter_titles
 from fingerlab.rig.file import Finger, Motor, Rig
 from fingerlab.sessions.model import CABLE_SIGN
 
@@ -42,10 +42,14 @@ class Value:
 
 @dataclass(frozen=True)
 class FinalEquation:
-    """All of it. ``values`` are those that the fit found; the bench's own constants stand in the report."""
+    """All of it. ``values`` are those that the fit found; the bench's own constants stand in the report.
+
+    ``finger``: whether there is one; else it is the equation of a motor alone.
+    """
 
     parts: tuple[EquationPart, ...]
     values: tuple[Value, ...]
+    finger: bool = True
 
 
 Estimates = Mapping[str, ParameterEstimate]
@@ -64,10 +68,11 @@ def final_equation(
     found = model.parameters
     chosen = model.extended.effects
     adds = {symbol for one in chosen for symbol in _added_symbols(one)}
-    if rig.finger is None or not _routings(found):
+    finger = rig.finger if _routings(found) else None
+    if finger is None:
         parts = [_bench_part(found, r"\tau_m" in adds)]
     else:
-        finger = fitted_finger(rig.finger, found)
+        finger = fitted_finger(finger, found)
         parts = [
             _torque_part(finger),
             _tension_part(rig.motor, found, r"\tau_m" in adds),
@@ -76,19 +81,31 @@ def final_equation(
             _cable_part(rig.motor, found, "x" in adds),
         ]
     of_effects = [list(_effect_values(o, found, (found_with or {}).get(o.effect.id, {}))) for o in chosen]
-    values = [*_model_values(found), *_distinct(chosen, of_effects)]
+    titles = [_title(one, finger is None) for one in chosen]
+    values = [*_model_values(found), *_distinct(titles, of_effects)]
     if len(chosen) > 1:
         last = parts[-1]
         parts[-1] = replace(last, note=f"{last.note} {ADDED_UP}".strip())
-    return FinalEquation((*parts, *(_effect_part(one) for one in chosen)), tuple(values))
+    of_chosen = map(_effect_part, chosen, titles)
+    return FinalEquation((*parts, *of_chosen), tuple(values), finger is not None)
 
 
-def _distinct(chosen: Sequence[ChosenEffect], of_effects: Sequence[Sequence[Value]]) -> Iterator[Value]:
-    """The effects' values; where two effects call a value the same, each says whose it is."""
+def _title(one: ChosenEffect, on_bench: bool) -> str:
+    """What the effect is called as it was found."""
+    named = one.effect.title_of_an_axis
+    return named(one.shape) if on_bench and named is not None else one.effect.title
+
+
+def _distinct(owners: Sequence[str], of_effects: Sequence[Sequence[Value]]) -> Iterator[Value]:
+    """The effects' values; where two effects call a value the same, each says whose it is.
+
+    Args:
+        owners: titles of the effects.
+    """
     titles = [value.title for values in of_effects for value in values]
-    for one, values in zip(chosen, of_effects, strict=True):
+    for owner, values in zip(owners, of_effects, strict=True):
         for value in values:
-            whose = f" ({in_sentence(one.effect.title)})" if titles.count(value.title) > 1 else ""
+            whose = f" ({in_sentence(owner)})" if titles.count(value.title) > 1 else ""
             yield replace(value, title=value.title + whose)
 
 
@@ -270,19 +287,20 @@ def _bench_part(found: Mapping[str, ParameterEstimate], with_effect: bool) -> Eq
             ("bench_offset", ""),
             ("bench_trace", r"\,\dot\theta_m"),
         )
-        if key in found
+        if key in found and is_told(key, found[key])
     ]
     line = rf"M = {' '.join(terms).removeprefix('+ ')}" + (r" + \tau_m" if with_effect else "")
-    return EquationPart("Torque of the motor", (line,), "M: torque at the gearbox output. τ_l: known load.")
+    note = "M: torque at the output." + (" τ_l: known load." if r"\tau_l" in line else "")
+    return EquationPart("Torque of the motor", (line,), note)
 
 
-def _effect_part(one: ChosenEffect) -> EquationPart:
+def _effect_part(one: ChosenEffect, title: str) -> EquationPart:
     formula = one.effect.formula
     if formula is None:
-        return EquationPart(one.effect.title, (), "An effect of your own; its terms stand in its own file.")
+        return EquationPart(title, (), "An effect of your own; its terms stand in its own file.")
     text = formula.equation.replace(r"\begin{align*}", "").replace(r"\end{align*}", "")
     lines = tuple(line.replace("&", "").strip() for line in text.split(r"\\"))
-    return EquationPart(one.effect.title, lines, re.sub(r"\[([^]]+)\]\([^)]+\)", r"\1", formula.symbols))
+    return EquationPart(title, lines, re.sub(r"\[([^]]+)\]\([^)]+\)", r"\1", formula.symbols))
 
 
 _MODEL_SYMBOLS = {
@@ -304,7 +322,7 @@ def _model_values(found: Mapping[str, ParameterEstimate]) -> Iterator[Value]:
     for base, (symbol, title) in _MODEL_SYMBOLS.items():
         for key, estimate in found.items():
             name, _, cable = key.partition("@")
-            if name == base:
+            if name == base and is_told(key, estimate):
                 yield Value(symbol, title + (f", {cable} cable" if cable else ""), estimate)
 
 

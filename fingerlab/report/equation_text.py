@@ -13,10 +13,21 @@ from fingerlab.core.errors import UserError
 from fingerlab.report.equation import EquationPart, FinalEquation, Value, latex
 from fingerlab.report.figure_style import DPI, MEASURED
 
-SI_NOTE = (
+OF_A_FINGER = (
     "Every number in the equations is in SI: angles in rad, tension and force in N, torques in N m, lengths "
     "in m. Angles are flexion positive; T and F are never negative."
 )
+OF_A_MOTOR = (
+    "Every number in the equations is in SI: angles in rad, torques in N m. A positive torque drives towards "
+    "larger angles."
+)
+
+
+def si_note(equation: FinalEquation) -> str:
+    """In what units and senses the numbers are."""
+    return OF_A_FINGER if equation.finger else OF_A_MOTOR
+
+
 VALUES_TITLE = "Fitted values, ± half the 90 % interval; one without was chosen among values that were tried"
 UNIT_LATEX = {"1": "", "tan": "", "deg": r"^\circ", "of the distal length": ""}
 LINE_INCHES, FONT_SIZE, WIDTH_INCHES = 0.3, 10.5, 7.2
@@ -24,7 +35,7 @@ LINE_INCHES, FONT_SIZE, WIDTH_INCHES = 0.3, 10.5, 7.2
 
 def to_markdown(equation: FinalEquation, title: str, model: str) -> str:
     """Equations as ``$$`` blocks, values as a table."""
-    parts = [f"# {title}", f"The equations of {model}, as fitted. {SI_NOTE}"]
+    parts = [f"# {title}", f"The equations of {model}, as fitted. {si_note(equation)}"]
     for part in equation.parts:
         parts.append(f"## {part.title}")
         if part.lines:
@@ -42,7 +53,8 @@ def to_markdown(equation: FinalEquation, title: str, model: str) -> str:
 
 def to_latex(equation: FinalEquation, title: str, model: str) -> str:
     r"""A piece to ``\input``; it needs amsmath."""
-    lines = [f"% {title}: the equations of {model}, as fitted. Needs amsmath.", f"% {SI_NOTE}"]
+    lines = [f"% {title}: the equations of {model}, as fitted. Needs amsmath."]
+    lines += [f"% {si_note(equation)}"]
     for part in equation.parts:
         lines += [rf"\paragraph{{{_escaped(part.title)}}}"]
         if part.lines:

@@ -40,6 +40,7 @@ from fingerlab.report.equation_text import (
     equation_figures,
     equation_text,
     html_words,
+    si_note,
     to_latex,
 )
 from fingerlab.report.figure_style import NamedFigure, Pictures, save_figures
@@ -49,6 +50,7 @@ from fingerlab.report.score_words import (
     aside_sentence,
     diagnose_each,
     error_rows_of_story,
+    loose_sentence,
     score_table,
     story,
     story_sentence,
@@ -169,12 +171,13 @@ def render(content: Content, progress: Progress) -> Page:
         story_errors=error_rows_of_story(content.models),
         score_table=score_table(diagnosis),
         aside=aside_sentence(diagnosis),
+        loose=loose_sentence(diagnosis),
         budget=budget_table(diagnosis.budget),
         budget_picture=_budget_picture(diagnosis, pictures),
         mending=mending_sentence(diagnosis),
         mend_rows=mend_rows(diagnosis),
         verdict=words.verdict_sentence(diagnosis),
-        model=words.model_words(diagnosis.model),
+        model=words.model_words(diagnosis.model, diagnosis),
         final_model=content.model_words(),
         score=score_text(diagnosis.score),
         errors=tables.error_rows(diagnosis.errors),
@@ -196,6 +199,7 @@ def render(content: Content, progress: Progress) -> Page:
         prediction=content.prediction,
         prediction_picture=_prediction_picture(content.prediction, pictures),
         equation=_equation(content, pictures, title),
+        finger=any(session.rig.finger is not None for session in sessions),
         sessions=[_session(session) for session in sessions],
         no_calibration=calibration_sentence(sessions),
         files=tables.file_rows(sessions),
@@ -232,6 +236,7 @@ def _equation(content: Content, pictures: Pictures, title: str) -> dict[str, Any
         ],
         "rows": [(v.title, estimate_text(v.estimate)) for v in content.equation.values],
         "values_title": VALUES_TITLE,
+        "units": si_note(content.equation),
         "latex": to_latex(content.equation, title, content.model_words()),
     }
 

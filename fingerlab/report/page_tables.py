@@ -37,7 +37,7 @@ from fingerlab.report.diagnosis_words import (
     UNKNOWN_WORDS,
     shown_best_first,
 )
-from fingerlab.report.parameter_words import parameter_title, parameter_titles
+from fingerlab.report.parameter_words import is_told, parameter_title, parameter_titles
 from fingerlab.rig.file import CONSTANT_UNITS, Finger, Motor, changed_words, sources_of
 from fingerlab.sessions import content_hash
 from fingerlab.sessions.model import Run, Session
@@ -145,12 +145,12 @@ _MODEL_ROWS = (
 def model_rows(parameters: Mapping[str, ParameterEstimate]) -> list[tuple[str, str]]:
     """What the fit found out about the bench itself: moment arms and losses, or the motor bench's constants.
 
-    Nuisances that only let a constant move within its tolerance are left out.
+    Left out are nuisances that only let a constant move within its tolerance, and what no run can show.
     """
     rows = []
     for key in _MODEL_ROWS:
         for name, estimate in parameters.items():
-            if name.partition("@")[0] == key:
+            if name.partition("@")[0] == key and is_told(name, estimate):
                 rows.append((parameter_title(name, ()), estimate_text(estimate)))
     return rows
 

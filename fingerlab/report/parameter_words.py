@@ -35,6 +35,7 @@ TITLES = {
     "bench_offset": ("Offset of the torque", "N m"),
     "bench_trace": ("Trace of viscous friction", "N m s/rad"),
     "bench_lag": ("Torque logged late by", "s"),
+    "bench_lag_square": ("Second order of the torque's lag", "s^2"),
     "proximal_mass": ("Proximal mass, off by", "%"),
     "distal_mass": ("Distal mass, off by", "%"),
     "mcp_stiffness": ("MCP stiffness, off by", "%"),
@@ -116,6 +117,14 @@ def parameter_title(key: str, keys: Sequence[str]) -> str:
     gains = [one.rpartition(".")[2] for one in (*keys, key) if one.startswith(f"{effect}.")]
     text = parameter_titles(effect, list(dict.fromkeys(gains)))[gain]
     return text[:1].upper() + text[1:]
+
+
+def is_told(key: str, estimate: ParameterEstimate) -> bool:
+    """Whether the recordings say anything of a parameter.
+
+    The gain of a load that is not there stands at exactly 0, with the interval of what it may be at all.
+    """
+    return key != "bench_gain" or estimate.value != 0.0
 
 
 def shown_unit(key: str, unit: str, largest: float) -> ScreenUnit:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from itertools import groupby, pairwise
 from typing import Any
 
@@ -12,6 +12,7 @@ from fingerlab.core.progress import Progress, Watch
 from fingerlab.core.text import decimals_for, fixed, percent, printed, score_text, screen_unit
 from fingerlab.diagnosis.answer.error_parts import EQUATIONS, ExcludedByMotion, ScorePart
 from fingerlab.diagnosis.answer.results import Candidate, Diagnosis
+from fingerlab.diagnosis.settings import LACK_OF_FIT
 from fingerlab.report.diagnosis_words import (
     FAMILY_TITLES,
     PHASE_WORDS,
@@ -19,6 +20,7 @@ from fingerlab.report.diagnosis_words import (
     in_sentence,
     judged_on,
     listed,
+    on_the_path,
 )
 from fingerlab.report.parameter_words import held_words
 from fingerlab.sessions.model import Session
@@ -193,13 +195,53 @@ def aside_sentence(diagnosis: Diagnosis) -> str:
         sentences.append(f"Standstill ({still}) is weighed less, for friction may hold any torque there.")
     if shares["spikes"] > 0:
         spikes = percent(shares["spikes"], counted=True)
-        sentences.append(f"Spikes ({spikes} of the time) were put on the line between their neighbours.")
+        sentences.append(
+            f"Single samples that jump ({spikes} of the time) were put on the line between their neighbours."
+        )
     return " ".join(sentences)
 
 
+def loose_sentence(diagnosis: Diagnosis) -> str:
+    """Why the cable's length may be many floors off where the whole is near the floor; empty where it is not.
+
+    A family's error counts every sample in full, the score hardly those at which the cable may hang loose.
+    """
+    error = diagnosis.errors.get("cable_kinematics")
+    loose = [one for one in diagnosis.run_shares if one.equation == "cable_kinematics" and one.left_aside > 0]
+    near = diagnosis.score**2 - 1.0 <= LACK_OF_FIT
+    if error is None or not (loose and near and error.rmse > FAR_ABOVE * diagnosis.score * error.floor):
+        return ""
+    worst = max(loose, key=lambda one: one.squared)
+    return (
+        "The cable's length is that far off where the cable may hang loose, as for "
+        f"{percent(worst.left_aside, counted=True)} of run {worst.run}: its row counts these moments in "
+        "full, the error over all equations by 0.1 mm or not at all."
+    )
+
+
+def below_sentence(diagnosis: Diagnosis) -> str:
+    """Why the whole is at the floor where every family is below it; empty where none is, or one is not."""
+    times = [one.rmse / one.floor for one in diagnosis.errors.values() if one.floor > 0]
+    if not times or max(times) > CLEARLY_BELOW:
+        return ""
+    return "What is below its floor counts as 1: a floor is no less than what a bench could ever read."
+
+
+CLEARLY_BELOW = 0.9
+"""Times the floor; above it rounding alone tells 1 from it."""
+FAR_ABOVE = 2.0
+"""Times the error over all equations, in floors, from which on a family's own calls for a word; assumed."""
+
+
 def score_words(diagnosis: Diagnosis) -> str:
-    """Both sentences."""
-    return " ".join(filter(None, (score_sentence(diagnosis), aside_sentence(diagnosis))))
+    """All of these sentences."""
+    said = (
+        score_sentence(diagnosis),
+        below_sentence(diagnosis),
+        loose_sentence(diagnosis),
+        aside_sentence(diagnosis),
+    )
+    return " ".join(filter(None, said))
 
 
 OTHERS_SHARE = 0.6
@@ -247,6 +289,7 @@ class StoryStep:
         before, after: score. chance: probability that was given to what came, 0 to 1; None: not ranked.
         evidence: what spoke for it, in words of the diagnosis before the step.
         held: what was held from this step on, in words, where that changed.
+        titles: what these effects are called as they were found, by id; others as in the catalogue.
     """
 
     came: tuple[str, ...]
@@ -256,21 +299,21 @@ class StoryStep:
     chance: float | None
     evidence: str
     held: str = ""
+    titles: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def title(self) -> str:
         """``Coulomb joint friction``, ``Stribeck friction in place of Coulomb friction``."""
         if self.held and not (self.came or self.went):
             return self.held[:1].upper() + self.held[1:]
-        came, went = (
-            listed([effect_title(effects[0]), *(in_sentence(effect_title(e)) for e in effects[1:])])
-            if effects
-            else ""
-            for effects in (self.came, self.went)
-        )
+        came, went = map(self._named, (self.came, self.went))
         if came and went:
             return f"{came} in place of {in_sentence(went)}"
         return came or f"{went} taken out"
+
+    def _named(self, effects: Sequence[str]) -> str:
+        titles = [self.titles.get(one) or effect_title(one) for one in effects]
+        return listed([*titles[:1], *map(in_sentence, titles[1:])]) if titles else ""
 
     @property
     def row(self) -> tuple[str, str, str, str]:
@@ -314,6 +357,7 @@ def _step(before: Diagnosis, now: Diagnosis) -> StoryStep:
         judged[0].probability if judged else None,
         evidence_for(came, before),
         "" if now.held == before.held else held_words(now.held) or "nothing held any more",
+        {name: on_the_path(now if name in came else before, name) for name in (*came, *went)},
     )
 
 

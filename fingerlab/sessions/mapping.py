@@ -74,6 +74,17 @@ _AXIS_KEYWORDS = (
 )
 """What a header says of an axis; the first that matches counts."""
 
+_AXIS_SYMBOLS = (
+    ("motor_position", re.compile(r"^(phi|alpha|s|y|[φϕα])\d*$", re.IGNORECASE)),
+    ("motor_torque", re.compile(r"^(T|M)\d*$")),
+)
+"""Letters that may mean a quantity of an axis, where no other column does and their unit fits it."""
+_GUESSED = ("time", "motor_position", "motor_torque", "motor_current")
+"""What a column may be by its letter or its unit alone, where it is the only one."""
+
+_EITHER = ("motor_torque", "motor_current")
+"""Of these an axis needs one."""
+
 AXIS_RADIUS_M = 0.01
 """Radius of the arc as which a linear axis is told, m: 1 mm is 0.1 rad and 1 N is 0.01 N m. Only a scale."""
 
@@ -174,7 +185,7 @@ def map_columns(table: Table, mapping: str | None, axis: Axis | None = None) -> 
         if axis is not None:
             wishes = {_AXIS_NAMES.get(channel, channel): wish for channel, wish in wishes.items()}
         columns = tuple(_wished(table, channel, wish, axis) for channel, wish in wishes.items())
-    _refuse_twice(columns, table)
+    _refuse_twice(columns, table, axis)
     if axis is not None:
         _refuse_unnamed(columns, table)
         if not axis.lever:
@@ -196,9 +207,8 @@ def likely_columns(table: Table, axis: Axis | None = None) -> tuple[Column | Non
     names: Sequence[str | None] = [None] * table.columns
     units: Sequence[str | None] = [None] * table.columns
     if table.header:
-        words = _KEYWORDS if axis is None else _AXIS_KEYWORDS
-        parts = [_likely_parts(cell, words) for cell in table.header]
-        names = [_channel_of(name, k, words) for k, (name, _) in enumerate(parts)]
+        parts = [_likely_parts(cell) if axis is None else _split_axis_header(cell) for cell in table.header]
+        names = _channels_of(parts, words_of(table), axis)[0]
         units = [unit for _, unit in parts]
     elif table.columns == len(BENCH_ORDER) and axis is None:
         names = BENCH_ORDER
@@ -213,10 +223,10 @@ def likely_columns(table: Table, axis: Axis | None = None) -> tuple[Column | Non
     return tuple(found)
 
 
-def _likely_parts(cell: str, words: Sequence[tuple[str, str]]) -> tuple[str, str | None]:
+def _likely_parts(cell: str) -> tuple[str, str | None]:
     """Name and unit of a header; ``t_ms`` has its unit behind the name where that is a quantity's then."""
     name, unit = _split_axis_header(cell)
-    return (name, unit) if _channel_of(name, 0, words) in CHANNEL_UNITS else split_header(cell)
+    return (name, unit) if _channel_of(name, 0, _KEYWORDS) in CHANNEL_UNITS else split_header(cell)
 
 
 def units_of(channel: str, axis: Axis | None = None) -> tuple[str, ...]:
@@ -240,7 +250,8 @@ def _refuse_unnamed(columns: tuple[Column, ...], table: Table) -> None:
         return
     for channel in lacking(columns):
         raise UserError(axis_lacks(table, channel, columns))
-    names = " and ".join(f"'{c.channel}' (column {c.index + 1})" for c in unnamed)
+    named = [f"'{c.channel}' (column {c.index + 1})" for c in unnamed]
+    names = " and ".join((", ".join(named[:-1]), named[-1]) if len(named) > 1 else named)
     wanted = _mapping_text({c.channel: c for c in columns}, table)
     raise UserError(f"{table.path} names no unit of {names}; say them, such as --map {wanted}.")
 
@@ -349,14 +360,71 @@ def _in_bench_order(table: Table) -> tuple[Column, ...]:
 
 def _by_header(table: Table, axis: Axis | None) -> tuple[Column, ...]:
     assert table.header is not None
-    columns = []
-    for index, cell in enumerate(table.header):
-        if index in words_of(table):
+    parts = [split_header(cell) if axis is None else _split_axis_header(cell) for cell in table.header]
+    channels, doubtful = _channels_of(parts, words_of(table), axis)
+    columns = tuple(
+        _column(channels[index], index, parts[index][1], 1.0, f"header '{cell}'", table, axis)
+        for index, cell in enumerate(table.header)
+        if index not in words_of(table)
+    )
+    for channel, places in doubtful.items():
+        named = [f"{k + 1} '{shown(table.header[k], MOST_LETTERS)}'" for k in places]
+        found = {c.channel: c for c in columns if c.index not in places}
+        first = _may_be(table, places[0], channel, None)
+        found |= {} if first is None else {first.channel: first}
+        raise UserError(
+            f"{table.path}: columns {', '.join(named[:-1])} and {named[-1]} may each be the "
+            f"{short_name(channel)}; say which is which, such as --map {_mapping_text(found, table)}."
+        )
+    return columns
+
+
+def _channels_of(
+    parts: Sequence[tuple[str, str | None]], words: Mapping[int, str], axis: Axis | None
+) -> tuple[list[str], dict[str, list[int]]]:
+    """The channel of each column by its name and unit, and what of an axis several columns may be.
+
+    ``T`` is a torque where its unit or another column, which is plainly the time, says so. What an axis needs
+    and no name tells is the only column whose unit, or whose letter, allows it.
+
+    Args:
+        parts: name and unit of each header. words: columns that hold no numbers.
+    """
+    keywords = _KEYWORDS if axis is None else _AXIS_KEYWORDS
+    found = [_channel_of(name, k, keywords) for k, (name, _) in enumerate(parts)]
+    counts_time = any(
+        channel == "time" and parts[k][0] != "T" and k not in words for k, channel in enumerate(found)
+    )
+    for k, (name, unit) in enumerate(parts):
+        if name == "T" and (not _may_mean(unit, "time") if unit else counts_time):
+            found[k] = name.lower()
+    doubtful: dict[str, list[int]] = {}
+    if axis is None:
+        return found, doubtful
+    for channel in _GUESSED:
+        one_of = _EITHER if channel in _EITHER else (channel,)
+        if any(other in one_of for k, other in enumerate(found) if k not in words):
             continue
-        name, unit = split_header(cell) if axis is None else _split_axis_header(cell)
-        channel = _channel_of(name, index, _KEYWORDS if axis is None else _AXIS_KEYWORDS)
-        columns.append(_column(channel, index, unit, 1.0, f"header '{cell}'", table, axis))
-    return tuple(columns)
+        free = [k for k, other in enumerate(found) if other not in CHANNEL_UNITS and k not in words]
+        told = [k for k in free if (unit := parts[k][1]) and _may_mean(unit, channel)]
+        lettered = [
+            k
+            for k in free
+            for meant, letters in _AXIS_SYMBOLS
+            if meant == channel and letters.match(parts[k][0]) and (k in told or not parts[k][1])
+        ]
+        both = [k for k in told if k in lettered]
+        chosen = next((some for some in (both, told, lettered) if some), [])
+        if len(chosen) == 1:
+            found[chosen[0]] = channel
+        elif chosen and channel in ("motor_position", "motor_torque"):
+            doubtful[channel] = chosen
+    return found, doubtful
+
+
+def _may_mean(unit: str, channel: str) -> bool:
+    """Whether a quantity of an axis may be in this unit."""
+    return Axis().factor(unit, CHANNEL_UNITS[channel]) is not None
 
 
 def split_header(cell: str) -> tuple[str, str | None]:
@@ -459,14 +527,16 @@ def _column(
     return Column(channel, index, unit, target, times * scale, source)
 
 
-def _refuse_twice(columns: tuple[Column, ...], table: Table) -> None:
+def _refuse_twice(columns: tuple[Column, ...], table: Table, axis: Axis | None) -> None:
     seen: dict[str, Column] = {}
     for column in columns:
         other = seen.setdefault(column.channel, column)
         if other is not column:
+            firsts = {c.channel: c for c in reversed(columns)}
+            such = "with --map" if axis is None else f"such as --map {_mapping_text(firsts, table)}"
             raise UserError(
                 f"{table.path}: columns {other.index + 1} and {column.index + 1} both look like "
-                f"'{column.channel}'; say which is which with --map."
+                f"'{column.channel}'; say which is which{',' if axis else ''} {such}."
             )
 
 

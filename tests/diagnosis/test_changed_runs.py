@@ -113,7 +113,7 @@ def test_a_proposed_change_is_said_with_its_chance(plain: Session) -> None:
     assert next_experiment_sentence(said) == (
         "Record next: sine, 15°, 1 Hz, on air, extension cable, with a known load of 20 mN m on the pulley "
         "beside the cable. It would show tilted base, if there (expected gain in log evidence 6.4; 5 "
-        "decides). The chance that the true one then stands alone is 83 %."
+        "decides). The chance that the run settles that is 83 %."
     )
 
 

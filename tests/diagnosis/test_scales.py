@@ -253,29 +253,3 @@ def test_ripple_orders_come_from_the_torque_over_the_angle() -> None:
     orders = strongest_orders([motion])
     assert 84.0 in orders
     assert len(orders) <= 16
-
-
-@pytest.mark.parametrize("late", [-1.0, -0.5, 0.0], ids=lambda one: f"{one:g} samples late")
-def test_a_torque_that_is_logged_before_its_position_is_no_effect(late: float) -> None:
-    """A motor without friction in closed form; a drive holds its torque from one reading to the next."""
-    rate, inertia = 500.0, 2e-3
-    time = np.arange(6000) / rate
-    runs = []
-    for number, tones in enumerate([(0.7, 1.9, 3.1), (0.5, 1.3, 2.7), (0.9, 2.3, 3.7)]):
-        omega = 2 * np.pi * np.array(tones)[:, None]
-        position = 0.2 * np.sin(omega * time + 1.0).sum(axis=0)
-        torque = -0.2 * inertia * (omega**2 * np.sin(omega * (time - late / rate) + 1.0)).sum(axis=0)
-        noise = 1e-3 * torque.std() * np.random.default_rng(number).standard_normal(len(time))
-        known = {"motor_position": position, "motor_torque": torque + noise}
-        runs.append(
-            Run.from_arrays(
-                known, name=f"{number:03}", phase="motor_bench", cable="none", sample_rate_hz=rate
-            )
-        )
-    found = diagnose([replace(_alone(), runs=tuple(runs))])
-    assert found.verdict == "nothing_missing"
-    assert found.errors["motor_torque"].r2 > 0.999
-    assert [one.kind for one in found.bench] == (["skew"] if late else [])
-    for skew in found.bench:
-        assert skew.size == pytest.approx(late / rate, rel=0.05)
-        assert "ms before its position: that is how a drive that holds it" in skew.text

@@ -191,7 +191,7 @@ def test_a_current_needs_its_torque_constant(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("header", "options", "sentence"),
     [
-        ("t,q,tau", (), "names no unit of 'time' (column 1) and 'motor_position' (column 2) and "
+        ("t,q,tau", (), "names no unit of 'time' (column 1), 'motor_position' (column 2) and "
          "'motor_torque' (column 3); say them, such as --map time=1:s,position=2:deg,torque=3:Nm."),
         ("t (s),q (rad),tau", (), "names no unit of 'motor_torque' (column 3); say them, such as "
          "--map time=1:s,position=2:rad,torque=3:Nm."),
@@ -345,6 +345,63 @@ def test_headers_of_other_alphabets_and_languages(tmp_path, capsys, header, chan
     assert set(channels) <= set(run.units)
     size = 0.1 if "Weg" in header else 1e-4 if "um" in header else math.pi / 180.0
     np.testing.assert_allclose(run.channel("motor_position"), size * TURN, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("header", "position", "torque"),
+    [
+        ("t [s],phi [deg],T [Nm]", math.pi / 180.0, 1.0),
+        ("time (s),theta (rad),T (N cm)", 1.0, 0.01),
+        ("T (s),alpha_deg,M (Nm)", math.pi / 180.0, 1.0),
+        ("t (s),s (mm),F (N)", 0.1, 0.01),
+        ("t (s),y [m],T [N]", 100.0, 0.01),
+        ("Kanal1 (s),Kanal2 (mrad),Kanal3 (mNm)", 1e-3, 1e-3),
+    ],
+)
+def test_a_letter_is_what_its_unit_allows(tmp_path, capsys, header, position, torque):
+    """``T`` beside a time is a torque, ``s`` in mm a way: what nothing else is, told by unit and letter."""
+    (run,) = imported(capsys, written(tmp_path / "log.csv", header, TIME, TURN, TORQUE)).runs
+    np.testing.assert_allclose(run.channel("time"), TIME, atol=1e-9)
+    np.testing.assert_allclose(run.channel("motor_position"), position * TURN, atol=1e-8 * position)
+    np.testing.assert_allclose(run.channel("motor_torque"), torque * TORQUE, atol=1e-8 * torque)
+
+
+def test_a_letter_in_the_unit_of_something_else_is_something_else(tmp_path, capsys):
+    """A temperature is no time and no torque, an angular acceleration no angle; neither takes a place."""
+    header = "t (s),alpha (rad/s^2),q (rad),T (degC),tau (Nm)"
+    path = written(tmp_path / "log.csv", header, TIME, -TURN, TURN, 20.0 + TIME, TORQUE)
+    (run,) = imported(capsys, path).runs
+    np.testing.assert_allclose(run.channel("motor_position"), TURN, atol=1e-9)
+    np.testing.assert_allclose(run.channel("motor_torque"), TORQUE, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("header", "sentence"),
+    [
+        (
+            "time,theta,T",
+            "names no unit of 'time' (column 1), 'motor_position' (column 2) and 'motor_torque' (column 3); "
+            "say them, such as --map time=1:s,position=2:deg,torque=3:Nm.",
+        ),
+        (
+            "t (s),phi (deg),alpha (deg),tau (Nm)",
+            ": columns 2 'phi (deg)' and 3 'alpha (deg)' may each be the position; say which is which, such "
+            "as --map time=1:s,position=2:deg,torque=4:Nm.",
+        ),
+        (
+            "t (s),q1 (rad),q2 (rad),tau (Nm)",
+            ": columns 2 and 3 both look like 'motor_position'; say which is which, such as --map "
+            "time=1:s,position=2:rad,torque=4:Nm.",
+        ),
+    ],
+)
+def test_what_two_columns_may_be_is_asked_for_with_a_mapping_that_goes(tmp_path, capsys, header, sentence):
+    columns = (TIME, TURN, TORQUE, TORQUE)[: header.count(",") + 1]
+    path = written(tmp_path / "log.csv", header, *columns)
+    said = refused(capsys, path)
+    assert said.endswith(sentence)
+    (run,) = imported(capsys, path, "--map", said.rpartition("--map ")[2].removesuffix(".")).runs
+    assert run.has("motor_position")
 
 
 @pytest.mark.parametrize(

@@ -12,8 +12,13 @@ from PySide6.QtWidgets import QComboBox, QDialog, QDialogButtonBox, QHeaderView,
 
 from fingerlab.core.text import fixed, with_minus
 from fingerlab.diagnosis.answer.results import Diagnosis
-from fingerlab.report.budget_words import BudgetLine, budget_lines, main_family, mending_sentence
-from fingerlab.report.diagnosis_words import FAMILY_TITLES, in_sentence
+from fingerlab.report.budget_words import (
+    BudgetLine,
+    budget_lines,
+    main_family,
+    mending_sentence,
+)
+from fingerlab.report.diagnosis_words import FAMILY_TITLES, in_sentence, run_proposed
 
 from ..widgets.layout import described, hbox, resize_on_screen, vbox
 from ..widgets.plots import QuietPlot
@@ -146,7 +151,7 @@ class BudgetDialog(QDialog):
 
     def show_diagnosis(self, diagnosis: Diagnosis) -> None:
         """The parts of another model's errors."""
-        self._budgets, self._proposed = diagnosis.budget, diagnosis.next_experiment is not None
+        self._budgets, self._proposed = diagnosis.budget, run_proposed(diagnosis)
         known = bool(self._budgets)
         self.words.setText(mending_sentence(diagnosis) or "It is not known what these errors are made of.")
         wanted = str(self.family.currentData() or "")

@@ -28,7 +28,7 @@ from PySide6.QtWidgets import (
 from fingerlab.core.text import percent, score_text
 from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.diagnosis.score.calibration import Verdict
-from fingerlab.report.diagnosis_words import effect_title, in_sentence, listed, suspects
+from fingerlab.report.diagnosis_words import called, in_sentence, listed, suspects
 
 from ..widgets.fields import set_usable
 from ..widgets.layout import FLUSH, Spacer, described, hbox, vbox
@@ -76,7 +76,7 @@ def rows_of(diagnosis: Diagnosis) -> list[CandidateRow]:
             c.in_set and many,
             c.detectable,
             _remark(c.detectable),
-            listed([in_sentence(effect_title(name)) for name in c.replaces]),
+            listed([in_sentence(called(diagnosis, name)) for name in c.replaces]),
             c.score,
         )
         for c in diagnosis.candidates

@@ -22,7 +22,7 @@ from fingerlab.models.file import (
     save_project,
     with_model,
 )
-from fingerlab.report.diagnosis_words import effect_title, in_sentence, listed
+from fingerlab.report.diagnosis_words import called, called_in_sentence, in_sentence, on_the_path
 from fingerlab.report.score_words import story
 from fingerlab.sessions.model import Session
 
@@ -52,10 +52,6 @@ class ModelStep:
         """The effects that came in after another step, and those that went out."""
         came = tuple(name for name in self.added if name not in before.added)
         return came, tuple(name for name in before.added if name not in self.added)
-
-
-def _named(effects: Sequence[str]) -> str:
-    return listed([in_sentence(effect_title(effect)) for effect in effects])
 
 
 class ModelHistory:
@@ -162,7 +158,7 @@ class SessionDiagnosis:
         best = [one.effect for one in sorted(diagnosis.candidates, key=lambda one: one.score)]
         watch = Watch(progress, cancelled)
         kept = self._reduction(sessions)
-        kept.resume(diagnosis.held, diagnosis.constants)
+        kept.resume(diagnosis.held, diagnosis.constants, diagnosis.torque_noise)
         return draft_laws(kept, diagnosis.last, diagnosis.fitted, best, watch, with_curves=True)
 
     def _reduction(self, sessions: Sequence[Session]) -> Reduction:
@@ -371,7 +367,7 @@ class LabController(QObject):
             kept = [effect if name == first else name for name in history.now.added if name not in others]
             self._exchange((effect,), gone, tuple(kept))
             return
-        title = f"Refitting with {in_sentence(effect_title(effect))}"
+        title = f"Refitting with {in_sentence(called(history.now.diagnosis, effect))}"
         self._run(history, ((*history.now.added, effect), history.now.held), title)
 
     def exchange(self) -> None:
@@ -383,7 +379,9 @@ class LabController(QObject):
     def _exchange(self, came: tuple[str, ...], gone: tuple[str, ...], added: tuple[str, ...]) -> None:
         history = self.history
         if history is not None:
-            title = f"Refitting with {_named(came)} in place of {_named(gone)}"
+            new = called_in_sentence(history.now.diagnosis, came)
+            old = called_in_sentence(history.now.diagnosis, gone, on_the_path)
+            title = f"Refitting with {new} in place of {old}"
             held = tuple(one for one in history.now.held if one[0].partition(".")[0] not in gone)
             self._run(history, (added, held), title)
 

@@ -13,7 +13,15 @@ from PySide6.QtGui import QBrush, QColor, QFontMetricsF, QHelpEvent, QPainter, Q
 from PySide6.QtWidgets import QGridLayout, QLabel, QPushButton, QSizePolicy, QToolTip, QWidget
 
 from fingerlab.core.text import r2_text, score_text
-from fingerlab.report.diagnosis_words import FAMILY_TITLES, alone, effect_title, in_sentence, listed
+from fingerlab.report.diagnosis_words import (
+    FAMILY_TITLES,
+    alone,
+    called,
+    called_in_sentence,
+    in_sentence,
+    listed,
+    on_the_path,
+)
 from fingerlab.report.parameter_words import held_words, parameter_title
 
 from ..widgets.fields import set_usable
@@ -65,27 +73,32 @@ def bars_of(history: ModelHistory, chosen: str = "", look: FirstLook | None = No
     bars = []
     for before, step in zip((None, *done), done, strict=False):
         came, gone = step.change_from(before) if before is not None else (step.added, ())
-        title = _change_title(came, gone) or (_held_title(step, before) if before is not None else "")
+        entered = [on_the_path(step.diagnosis, name) for name in came]
+        left = [on_the_path(before.diagnosis, name) for name in gone] if before is not None else []
+        title = _change_title(entered, left) or (_held_title(step, before) if before is not None else "")
         bars.append(ErrorBar(title or "Nominal", step.diagnosis.score, True))
     if look is not None:
         came = tuple(name for name in look.model if name not in history.now.added)
         gone = tuple(name for name in history.now.added if name not in look.model)
-        return [*bars, ErrorBar(_change_title(came, gone), look.score, False, under_way=True)]
+        titles = [[called(history.now.diagnosis, name) for name in part] for part in (came, gone)]
+        return [*bars, ErrorBar(_change_title(*titles), look.score, False, under_way=True)]
     path = [step for step in history.now.diagnosis.path if step.added is not None]
     judged = next((c for c in history.now.diagnosis.candidates if c.effect == chosen), None)
     if judged is not None and not (path and path[0].added == chosen):
-        return [*bars, ErrorBar(_change_title((chosen,), judged.replaces), judged.score, False)]
+        gone_titles = [on_the_path(history.now.diagnosis, name) for name in judged.replaces]
+        return [*bars, ErrorBar(_change_title([judged.title], gone_titles), judged.score, False)]
     for suggested in path:
         if suggested.added is not None:
-            gone = (suggested.removed,) if suggested.removed else ()
-            bars.append(ErrorBar(_change_title((suggested.added,), gone), suggested.score, False))
+            now = history.now.diagnosis
+            old = [on_the_path(now, suggested.removed)] if suggested.removed else []
+            new = suggested.title or called(now, suggested.added)
+            bars.append(ErrorBar(_change_title([new], old), suggested.score, False))
     return bars
 
 
 def _change_title(came: Sequence[str], gone: Sequence[str]) -> str:
     """``+ Coulomb friction``, ``Stribeck friction for Coulomb friction``; empty where nothing changed."""
-    new = " + ".join(map(effect_title, came))
-    old = " + ".join(map(effect_title, gone))
+    new, old = " + ".join(came), " + ".join(gone)
     if new and old:
         return f"{new} for {in_sentence(old)}"
     return f"+ {new}" if new else f"− {old}" if old else ""
@@ -378,10 +391,8 @@ def _in_words(other: ModelStep, now: ModelStep) -> str:
     came, gone = other.change_from(now)
     if not (came or gone):
         return f"Have {held_words(dict(other.held)) or 'nothing held'} again"
+    new = called_in_sentence(other.diagnosis, came, on_the_path)
+    old = called_in_sentence(now.diagnosis, gone, on_the_path)
     if came and gone:
-        return f"Put {_named(came)} in place of {_named(gone)} again"
-    return f"Add {_named(came)} again" if came else f"Take {_named(gone)} out again"
-
-
-def _named(effects: Sequence[str]) -> str:
-    return listed([in_sentence(effect_title(effect)) for effect in effects])
+        return f"Put {new} in place of {old} again"
+    return f"Add {new} again" if came else f"Take {old} out again"

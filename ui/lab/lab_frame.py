@@ -177,7 +177,7 @@ class BetterModelBanner(QFrame):
         if diagnosis is None or better is None:
             return
         self.text.setText(better_sentence(diagnosis))
-        self.button.setToolTip(f"Refit with {exchange_words(better)} (Ctrl+Z takes it back).")
+        self.button.setToolTip(f"Refit with {exchange_words(better, diagnosis)} (Ctrl+Z takes it back).")
 
     def set_busy(self, busy: bool) -> None:
         """While the model is being refitted nothing can be exchanged."""

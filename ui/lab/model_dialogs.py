@@ -27,8 +27,15 @@ from fingerlab.core.text import ScreenUnit, score_text, screen_unit
 from fingerlab.diagnosis.answer.error_parts import Comparison, equation_of
 from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.models.file import Held, ModelKey, TriedModel
-from fingerlab.report.diagnosis_words import FAMILY_TITLES, PHASE_WORDS, effect_title, in_sentence, listed
-from fingerlab.report.parameter_words import held_words, parameter_title, value_words
+from fingerlab.report.diagnosis_words import (
+    FAMILY_TITLES,
+    PHASE_WORDS,
+    effect_title,
+    in_sentence,
+    listed,
+    on_the_path,
+)
+from fingerlab.report.parameter_words import held_words, is_told, parameter_title, value_words
 from fingerlab.report.score_words import (
     ASIDE_HELP,
     ScoreTable,
@@ -100,9 +107,10 @@ class TriedDialog(QDialog):
             self.accept()
 
 
-def model_words(added: Sequence[str], held: Held = ()) -> str:
-    """A model in words."""
-    names = [in_sentence(effect_title(effect)) for effect in added]
+def model_words(added: Sequence[str], held: Held = (), diagnosis: Diagnosis | None = None) -> str:
+    """A model in words; ``diagnosis``: of it, whose names its effects have."""
+    titles = [effect_title(one) if diagnosis is None else on_the_path(diagnosis, one) for one in added]
+    names = [in_sentence(title) for title in titles]
     model = f"nominal model with {listed(names)}" if names else "nominal model"
     return ", ".join(filter(None, (model, held_words(dict(held)))))
 
@@ -334,7 +342,7 @@ class SideBySideDialog(QDialog):
             choice.blockSignals(True)
             choice.clear()
             for name in names:
-                choice.addItem(f"{score_text(models[name].score)}  {model_words(*name)}")
+                choice.addItem(f"{score_text(models[name].score)}  {model_words(*name, models[name])}")
             choice.setCurrentIndex(names.index(key))
             choice.blockSignals(False)
         self._show()
@@ -395,7 +403,9 @@ def compared(a: Diagnosis, b: Diagnosis) -> list[tuple[str, str, str]]:
     keys = [
         key
         for key in dict.fromkeys((*a.parameters, *b.parameters))
-        if _worth_showing(key) or key in a.held or key in b.held
+        if (_worth_showing(key) and is_told(key, {**a.parameters, **b.parameters}[key]))
+        or key in a.held
+        or key in b.held
     ]
     titles = {key: parameter_title(key, keys) for key in keys}
     named = Counter(titles.values())

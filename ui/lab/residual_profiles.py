@@ -312,6 +312,8 @@ class ProfilePanel(QWidget):
         if self._profiles:
             self.coordinate.insertSeparator(self.coordinate.count())
             for name, title in SHAPE_TITLES.items():
+                if name == "tension_loop" and "tension" not in told:
+                    continue  # a motor alone has no cable
                 self.coordinate.addItem(f"{title} of this run", name)
         known = self._by_hand in self._profiles or (self._by_hand in SHAPE_TITLES and self._profiles)
         wanted = self._by_hand if known else most_orderly(self._profiles)

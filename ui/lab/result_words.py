@@ -10,14 +10,13 @@ from fingerlab.diagnosis.answer.error_parts import Comparison, EquationError
 from fingerlab.diagnosis.answer.results import Candidate, Diagnosis, Failure
 from fingerlab.diagnosis.score.calibration import Verdict
 from fingerlab.report.diagnosis_words import (
-    IMPROBABLE,
     NOTHING_WORDS,
     PHASE_WORDS,
     UNKNOWN_WORDS,
     alone,
     better_chance,
+    called,
     could_hide,
-    effect_title,
     exchange_words,
     held_sentence,
     holds,
@@ -27,7 +26,10 @@ from fingerlab.report.diagnosis_words import (
     left_open,
     listed,
     not_shown,
+    on_the_path,
     rivalled,
+    unsure,
+    worth_adding,
     would_show,
 )
 from fingerlab.report.diagnosis_words import next_experiment_words as next_experiment_words
@@ -84,12 +86,15 @@ def verdict_headline(diagnosis: Diagnosis) -> str:
 def _verdict(diagnosis: Diagnosis) -> str:
     if diagnosis.better is not None:
         chance = percent(better_chance(diagnosis)).replace(" ", NO_BREAK)
-        return f"Rather {exchange_words(diagnosis.better)}, {chance}"
+        return f"Rather {exchange_words(diagnosis.better, diagnosis)}, {chance}"
     if diagnosis.verdict == Verdict.NOTHING_MISSING:
         hider = could_hide(diagnosis)
         if hider is not None:
             chance = percent(hider.probability).replace(" ", NO_BREAK)
             return f"No effect is shown to be missing; {in_sentence(hider.title)} could hide, {chance}"
+        if unsure(diagnosis):
+            chance = percent(diagnosis.probability_nothing).replace(" ", NO_BREAK)
+            return f"No effect is shown to be missing; that none is, {chance}"
         seen = " that these data could show" if not_shown(diagnosis) else ""
         return f"{'Nothing more' if diagnosis.model else 'Nothing'} is missing{seen}"
     if diagnosis.verdict == Verdict.NOT_IN_CATALOGUE:
@@ -124,20 +129,21 @@ def bench_words(diagnosis: Diagnosis) -> tuple[str, str]:
 def _set_words(diagnosis: Diagnosis) -> str:
     if not_shown(diagnosis):
         hidden, weak = left_open(diagnosis)
-        text = f"They could not have shown: {_named(hidden)}." if hidden else ""
-        text += f"{' ' if text else ''}Too weak to tell: {_named(weak)}." if weak else ""
+        text = f"They could not have shown: {_named(diagnosis, hidden)}." if hidden else ""
+        text += f"{' ' if text else ''}Too weak to tell: {_named(diagnosis, weak)}." if weak else ""
         shown = would_show(diagnosis)
-        return f"{text} The proposed run would show {_named(shown)}." if shown else text
-    titles = [in_sentence(effect_title(name)) for name in indistinguishable(diagnosis)]
-    others = [in_sentence(effect_title(name)) for name in improbable_rivals(diagnosis)]
-    also = f"Below {percent(IMPROBABLE)}, but not ruled out: {listed(others)}." if others else ""
+        return f"{text} The proposed run would show {_named(diagnosis, shown)}." if shown else text
+    titles = [in_sentence(called(diagnosis, name)) for name in indistinguishable(diagnosis)]
+    others = [in_sentence(called(diagnosis, name)) for name in improbable_rivals(diagnosis)]
+    also = f"Less likely, but not ruled out: {listed(others)}." if others else ""
     if also and len(titles) < 2:
         return also
     if diagnosis.better is not None and len(titles) < 2:
         return f"That the model is right as it is: {percent(diagnosis.probability_nothing)}."
     if len(titles) < 2:
         if diagnosis.verdict == Verdict.NOT_IN_CATALOGUE:
-            return f"None of the {len(diagnosis.candidates)} effects tried explains it."
+            what = "what the path leaves" if worth_adding(diagnosis) else "it"
+            return f"None of the {len(diagnosis.candidates)} effects tried explains {what}."
         return "Told apart from every other effect." if titles else "No effect is called for."
     return f"Cannot be told apart here: {listed(titles)}.{' ' if also else ''}{also}"
 
@@ -155,12 +161,12 @@ EXCHANGE_MARK = "⇄"
 def set_help(diagnosis: Diagnosis) -> str:
     """Where the words on the set had to leave some out: all of them."""
     hidden = not_shown(diagnosis)
-    titles = [in_sentence(effect_title(name)) for name in hidden]
+    titles = [in_sentence(called(diagnosis, name)) for name in hidden]
     return f"These data leave open: {listed(titles)}." if len(hidden) > NAMED else ""
 
 
-def _named(effects: Sequence[str]) -> str:
-    titles = [in_sentence(effect_title(effect)) for effect in effects]
+def _named(diagnosis: Diagnosis, effects: Sequence[str]) -> str:
+    titles = [in_sentence(called(diagnosis, effect)) for effect in effects]
     more = len(titles) - NAMED
     return listed(titles) if more <= 0 else listed([*titles[:NAMED], f"{more} more"])
 
@@ -190,7 +196,7 @@ def _runs(diagnosis: Diagnosis) -> str:
 def _holds_words(diagnosis: Diagnosis) -> str:
     if alone(diagnosis):
         return "of this one run"
-    if could_hide(diagnosis) is not None:
+    if could_hide(diagnosis) is not None or unsure(diagnosis):
         return "perhaps, an effect could hide"
     return "yes, as far as seen" if not_shown(diagnosis) else "yes, on held-out runs"
 
@@ -207,11 +213,14 @@ def step_results(diagnosis: Diagnosis, history: ModelHistory) -> dict[str, str]:
     elif (hider := could_hide(diagnosis)) is not None:
         chance = percent(hider.probability).replace(" ", NO_BREAK)
         results["missing"] = f"none shown; {in_sentence(hider.title)} could hide, {chance}"
+    elif unsure(diagnosis):
+        chance = percent(diagnosis.probability_nothing).replace(" ", NO_BREAK)
+        results["missing"] = f"none shown; that none is, {chance}"
     else:
         seen = " that they could show" if not_shown(diagnosis) else ""
         results["missing"] = f"{'nothing more' if history.now.added else 'nothing'}{seen}"
     if history.now.added:
-        results["add"] = " + ".join(effect_title(effect) for effect in history.now.added)
+        results["add"] = " + ".join(on_the_path(diagnosis, effect) for effect in history.now.added)
     if diagnosis.better is not None:
         results["true"] = "no, another is better"
     elif rivalled(diagnosis) and diagnosis.verdict == Verdict.NOTHING_MISSING:

@@ -21,13 +21,15 @@ from fingerlab.report.diagnosis_words import (
     alone,
     as_good_sentence,
     could_hide,
-    effect_title,
     holds,
     in_sentence,
     listed,
+    on_the_path,
     paired_sentence,
     rivalled,
+    unsure,
 )
+from fingerlab.report.score_words import loose_sentence
 from fingerlab.sessions.model import Session
 
 from ..app.context import ApplicationContext
@@ -177,7 +179,7 @@ class ValidationPanel(QWidget):
             self.runs.show_runs((), ())
             return
         diagnosis = history.now.diagnosis
-        names = [in_sentence(effect_title(effect)) for effect in history.now.added]
+        names = [in_sentence(on_the_path(diagnosis, effect)) for effect in history.now.added]
         model = "The nominal model" if not names else f"The model with {listed(names)}"
         if diagnosis.better is not None:
             self.title.setText("Not true: another model is better")
@@ -185,7 +187,7 @@ class ValidationPanel(QWidget):
             self.title.setText("Perhaps true: another model is as good")
         elif holds(diagnosis) and alone(diagnosis):
             self.title.setText("True of this one run, which the fit has seen")
-        elif holds(diagnosis) and could_hide(diagnosis) is not None:
+        elif holds(diagnosis) and (could_hide(diagnosis) is not None or unsure(diagnosis)):
             self.title.setText("Perhaps true: an effect could hide")
         elif holds(diagnosis):
             self.title.setText("True, as far as these recordings can show")
@@ -201,7 +203,8 @@ class ValidationPanel(QWidget):
         second = (
             " The fit has seen it: only a second run shows whether that holds." if alone(diagnosis) else ""
         )
-        self.held_out.setText(f"{misses}{before if names else ''}.{second}{_force_words(history)}")
+        loose = f" {loose_sentence(diagnosis)}".rstrip()
+        self.held_out.setText(f"{misses}{before if names else ''}.{second}{_force_words(history)}{loose}")
         self.next.setText(
             " ".join(
                 filter(

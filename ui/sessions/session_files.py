@@ -352,6 +352,7 @@ class Writer(QObject):
             return
 
         def work(progress: Progress) -> Path:
+            from fingerlab.report.recording_words import short_runs_words
             from fingerlab.rig.file import default_rig, load_rig
             from fingerlab.sessions.importing import import_files, left_out_words
 
@@ -360,6 +361,7 @@ class Writer(QObject):
             title = f"imported from {', '.join(path.name for path in names)}"
             path = import_files(plans, target, rig, title, progress=progress)
             left_out.extend(left_out_words(path))
+            left_out.extend(filter(None, (short_runs_words(path),)))
             return path
 
         left_out: list[str] = []

@@ -74,7 +74,8 @@ def error_budget(
         for k, step in enumerate(steps[1:]):
             low, high, average = falls[name][k] if falls[name] else (None, None, None)
             fall = kept[name][k] - kept[name][k + 1]
-            parts.append(BudgetPart("effect", fall, step.added or "", step.removed or "", low, high, average))
+            change = step.added or "", step.removed or ""
+            parts.append(BudgetPart("effect", fall, *change, low, high, average, title=step.title))
         parts += [
             BudgetPart("unknown", unknown),
             BudgetPart("parameters", (1.0 - sensors) * uncertain, parameter=by_bench),

@@ -214,8 +214,14 @@ def _comparison_in_si(one: Comparison, scales: Scales) -> Comparison:
     )  # fmt: skip
 
 
+TENSION_BY_WAY, TORQUE_BY_WAY = "tension times direction of travel", "torque times direction of travel"
+"""What a friction that grows with the load is drawn against: a motor alone has no cable with a tension."""
+
+
 def _unit_of_place(name: str) -> str:
-    return COORDINATE_UNITS[name.removesuffix(" mcp").removesuffix(" pip")]
+    return (
+        "N m" if name == TORQUE_BY_WAY else COORDINATE_UNITS[name.removesuffix(" mcp").removesuffix(" pip")]
+    )
 
 
 def _fingerprint_in_si(one: Fingerprint, scales: Scales) -> Fingerprint:
@@ -234,9 +240,11 @@ def _coordinates(motion: Motion) -> dict[str, Array]:
         "motor angle": motion.position,
         "motor acceleration": motion.acceleration,
         "tension": motion.tension,
-        "tension times direction of travel": motion.tension * winding_state(motion),
     }
-    if motion.joints is not None:
+    if motion.joints is None:
+        wide[TORQUE_BY_WAY] = motion.torque * winding_state(motion)
+    else:
+        wide[TENSION_BY_WAY] = motion.tension * winding_state(motion)
         q = motion.joints
         wide |= {
             "joint speed mcp": q.mcp_velocity,
@@ -333,9 +341,14 @@ def _force(reduced: Reduced, kept: Kept) -> Array:
     return np.asarray(kept.columns[:, layout.signals[layout.features.index(FORCE)]], dtype=float)
 
 
-def _coordinate(effect: Effect, kept: Kept) -> Array | None:
-    joint = {Row.MCP: " mcp", Row.PIP: " pip"}.get(effect.equation, " pip")
-    return kept.coordinates.get(effect.coordinate, kept.coordinates.get(effect.coordinate + joint))
+def _coordinate(effect: Effect, kept: Kept, bench: bool) -> Array | None:
+    joint, name = {Row.MCP: " mcp", Row.PIP: " pip"}.get(effect.equation, " pip"), _drawn_over(effect, bench)
+    return kept.coordinates.get(name, kept.coordinates.get(name + joint))
+
+
+def _drawn_over(effect: Effect, bench: bool) -> str:
+    """What the effect is drawn against in runs of a finger, or of the motor alone."""
+    return TORQUE_BY_WAY if bench and effect.coordinate == TENSION_BY_WAY else effect.coordinate
 
 
 def _fingerprint(
@@ -355,7 +368,7 @@ def _fingerprint(
     places, residuals, explained = [], [], []
     period = _period(fitted)
     for kept in stretches:
-        where = _coordinate(effect, kept)
+        where = _coordinate(effect, kept, bench)
         if where is None or (effect.phases and kept.phase not in effect.phases):
             continue
         group = groups[kept.key]
@@ -404,10 +417,11 @@ def _binned(effect: Effect, row: Row, place: Array, residual: Array, explained: 
     average = mean(residual)
     spread = np.sqrt(np.maximum(mean(residual**2) - average**2, 0.0))
     half = Z90 * spread / np.sqrt(np.maximum(divisor * EFFECTIVE_SHARE, 1.0))
+    over = _drawn_over(effect, row == Row.BENCH)
     return Fingerprint(
         equation=ROW_EQUATIONS[row],
-        coordinate=effect.coordinate,
-        coordinate_unit=COORDINATE_UNITS[effect.coordinate],
+        coordinate=over,
+        coordinate_unit=_unit_of_place(over),
         value_unit=ROW_UNITS[row],
         centre=(0.5 * (edges[1:] + edges[:-1]))[full],
         mean=average[full],
@@ -463,19 +477,19 @@ def _stretch_of(comparison: Comparison, stretches: Iterable[Kept]) -> Kept:
 
 
 def _moment(kept: Kept, part: slice) -> str:
-    """What the finger does there, in words."""
-    name = "joint speed pip" if "joint speed pip" in kept.coordinates else "motor speed"
-    speed = kept.coordinates[name]
+    """What the finger, or the motor alone, does there, in words; a motor alone winds no cable."""
+    alone = "joint speed pip" not in kept.coordinates
+    speed = kept.coordinates["motor speed" if alone else "joint speed pip"]
     now, usual = float(np.mean(speed[part])), float(np.sqrt(np.mean(speed**2))) + 1e-12
-    words = {"joint speed pip": ("flexing", "extending"), "motor speed": ("winding in", "paying out")}[name]
+    words = ("moving forward", "moving backward") if alone else ("flexing", "extending")
     pace = "slowly" if abs(now) < SLOWLY * usual else "fast"
     motion = (
         "near standstill or reversing"
         if abs(now) < STANDS_STILL * usual
         else f"{words[0 if now > 0 else 1]} {pace}"
     )
-    pull = kept.coordinates["tension"]
+    pull = np.abs(kept.coordinates["tension"]) if alone else kept.coordinates["tension"]  # or its torque
     low, high = np.quantile(pull, (LOW_LOAD, HIGH_LOAD))
     level = float(np.mean(pull[part]))
-    load = "low" if level < low else "high" if level > high else "middling"
-    return f"{motion}, at {load} load"
+    size = "low" if level < low else "high" if level > high else "middling"
+    return f"{motion}, at {size} {'torque' if alone else 'load'}"

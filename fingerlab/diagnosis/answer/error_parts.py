@@ -78,10 +78,10 @@ EQUATIONS = {
     ),
     "motor_torque": Equation(
         "Motor torque", "Motor", "Motor torque", "motor torque", "motor_torque",
-        "Measured: torque at the gearbox output, from motor current. Modelled: what cable and finger, or the "
-        "load on the motor bench, call for.",
-        "Torque at the gearbox output, N m.\n"
-        "Measured: torque constant × gear ratio × current.\n"
+        "Measured: the motor's torque at its output, as it was logged or from its current. "
+        "Modelled: what inertia, a known load and an offset call for.",
+        "Torque of the motor at its output, N m.\n"
+        "Measured: as it was logged, or torque constant × gear ratio × current.\n"
         "Modelled: J·acceleration + gain·load + offset.",
     ),
 }  # fmt: skip
@@ -202,6 +202,7 @@ class BudgetPart:
         low, high: least and most that the error falls by, whatever the order in which effects are added, and
             average: over all orders; None: there is one order, or too many.
         parameter: key of the unknown whose uncertainty weighs most, of parameters and calibration.
+        title: what the effect is called as it was found; empty: as the catalogue calls it.
     """
 
     kind: BudgetKind
@@ -212,6 +213,7 @@ class BudgetPart:
     high: float | None = None
     average: float | None = None
     parameter: str = ""
+    title: str = ""
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from fingerlab.diagnosis.answer.error_parts import (
     RunShare,
     ScorePart,
 )
+from fingerlab.diagnosis.gram.state_law import ALL_NOISE, TorqueNoise
 from fingerlab.models.file import ParameterEstimate
 from fingerlab.sessions.model import Array
 
@@ -68,11 +69,15 @@ class Candidate:
 
 @dataclass(frozen=True)
 class PathStep:
-    """One step of the error path; ``added`` is None for the model as given, ``removed`` what it replaces."""
+    """One step of the error path; ``added`` is None for the model as given, ``removed`` what it replaces.
+
+    ``title``: what the added effect is called as it was found there; empty: as the catalogue calls it.
+    """
 
     added: str | None
     score: float
     removed: str | None = None
+    title: str = ""
 
 
 @dataclass(frozen=True)
@@ -235,8 +240,10 @@ class Diagnosis:
     ``predicted`` what of the proposed run was.
     ``held``: unknowns that somebody held, by key, and their values, SI; all that is told holds only then.
     ``budget``: what the error of each family of equations is made of.
+    ``titles``: what effects of the model as given, and of the path's end, are called as found, by id.
     ``fitted``: the model as given, as it was fitted; ``last``: the one at the end of the path.
-    ``constants``: that every run has of its own; None: none were found.
+    ``constants``: that every run has of its own; None: none were found. ``torque_noise``: how much
+    is noise of what no law of the state tells of a motor's torque; the rest follows the past, or the run.
     """
 
     sessions: tuple[str, ...]
@@ -272,9 +279,11 @@ class Diagnosis:
     paired: tuple[PairedDifference, ...] = ()
     held: Mapping[str, float] = field(default_factory=dict)
     budget: Mapping[str, Budget] = field(default_factory=dict)
+    titles: Mapping[str, str] = field(default_factory=dict)
     fitted: FittedModel | None = field(default=None, repr=False, compare=False)
     last: FittedModel | None = field(default=None, repr=False, compare=False)
     constants: RunConstants | None = field(default=None, repr=False, compare=False)
+    torque_noise: TorqueNoise = field(default=ALL_NOISE, repr=False, compare=False)
 
     def to_json(self) -> dict[str, Any]:
         """The object that ``diagnose --json`` writes, ready for ``json.dumps``."""

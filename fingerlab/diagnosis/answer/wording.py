@@ -18,6 +18,7 @@ from fingerlab.diagnosis.score.fitted_model import FittedModel, at_assumed_bound
 from fingerlab.diagnosis.settings import (
     AT_BOUND,
     LEAST_SPIKES,
+    LONGEST_STRETCH_S,
     MOST_NAMED,
     NOTHING_SEEN,
     REPORTED_OFFSET,
@@ -27,7 +28,15 @@ from fingerlab.diagnosis.settings import (
     Z90,
 )
 from fingerlab.diagnosis.signals.channel_checks import torque_of_an_ampere
-from fingerlab.diagnosis.signals.filters import BRIDGED, CUT_OUT, REPEATED, SPIKE, UNEVEN, Repair
+from fingerlab.diagnosis.signals.filters import (
+    BRIDGED,
+    CUT_OUT,
+    REPEATED,
+    SPIKE,
+    UNEVEN,
+    Repair,
+    without_spikes,
+)
 from fingerlab.diagnosis.signals.scales import as_recorded
 from fingerlab.effects import find_effect
 from fingerlab.effects.base import Effect, Row
@@ -164,13 +173,39 @@ def _spikes(reduction: Reduction) -> list[BenchFinding]:
         if count < LEAST_SPIKES:
             continue
         every = round(sum(reduction.samples[n] for n in runs) / count)
-        said = (
-            f"Channel '{channel}' has {_count(count, 'single spike')} in {_count(len(runs), 'run')}, one in "
-            f"{every:,} samples; they are left aside"
-        )
+        where = f"in {_count(len(runs), 'run')}, one in {every:,} samples"
+        said = f"Channel '{channel}' has {_count(count, 'single spike')} {where}; they are left aside"
         advice = "look at its plug and its shield"
+        if _die_away(reduction, channel, runs):
+            said = (
+                f"Channel '{channel}' jumps and dies away again over the next samples; "
+                f"{_count(count, 'sample')} {where}, are left aside"
+            )
+            advice = "that is how a drive answers a step of its reference, or of a coarse encoder"
         result.append(BenchFinding("spikes", channel, float(count), "samples", names, said, advice))
     return result
+
+
+def _die_away(reduction: Reduction, channel: str, runs: Sequence[int]) -> bool:
+    """Whether most of what was taken for spikes goes back by and by: after a spike the next sample is right.
+
+    Of the first stretch of each run.
+    """
+    shares: list[float] = []
+    for n in runs:
+        run = as_recorded(reduction.analysed[n])
+        values = run.channel(channel, 0, min(run.length, int(LONGEST_STRETCH_S * run.sample_rate_hz)))
+        _, found = without_spikes(values)
+        for at in found[(found >= BEFORE_A_JUMP) & (found < len(values) - 1)]:
+            before = float(np.median(values[at - BEFORE_A_JUMP : at]))
+            if values[at] != before:
+                shares.append(float((values[at + 1] - before) / (values[at] - before)))
+    return bool(shares) and float(np.median(shares)) > STILL_THERE
+
+
+BEFORE_A_JUMP, STILL_THERE = 3, 0.25
+"""Samples before a jump that tell where it begins, and what of it the next sample still has where it dies
+away; assumed: noise is a twelfth of a spike at most."""
 
 
 def _lost(reduction: Reduction) -> list[BenchFinding]:
@@ -258,9 +293,12 @@ def parameters(fitted: FittedModel, effect: Effect, temperature: float) -> dict[
         high = min(gain.high, value + Z90 * spread[key])
         result[name] = _estimate_in_si(fitted, gain.unit, value, low, high)
     choice = next(c for c in fitted.choices if c.effect is effect)
+    shape = effect.shapes[choice.shape]
     for name, unit in effect.shape_units.items():
-        grid = sorted({float(s[name]) for s in effect.shapes})
-        value = float(effect.shapes[choice.shape][name])
+        if name not in shape:
+            continue
+        grid = sorted({float(s[name]) for s in effect.shapes if name in s})
+        value = float(shape[name])
         at = grid.index(value)
         result[name] = _estimate_in_si(
             fitted, unit, value, grid[max(at - 1, 0)], grid[min(at + 1, len(grid) - 1)]
@@ -301,7 +339,9 @@ def would_have_shown(fitted: FittedModel, effect: Effect, least: float) -> str:
         for key, strength in fitted.sensitivity.strengths.items()
         if least * strength <= MOST_NAMED * max(abs(gains[key].high), abs(gains[key].low))
     ]
-    return " and ".join(said) if len(said) == len(fitted.sensitivity.strengths) else ""
+    if len(said) != len(fitted.sensitivity.strengths):
+        return ""
+    return " and ".join((", ".join(said[:-1]), said[-1]) if len(said) > 1 else said)
 
 
 def _amount(value: float, unit: str) -> str:
@@ -334,10 +374,9 @@ def explanation(
     said = _said(fitted, effect)
     if not shown:
         strength = would_have_shown(fitted, effect, least)
+        reveal = (effect.reveal_of_an_axis if _on_bench(fitted) else "") or effect.reveal
         from_there = f" (it would have shown from {strength} on)" if strength else ""
-        return (
-            f"{said} These data could not show it at a plausible strength{from_there}; {effect.reveal} would."
-        )
+        return f"{said} These data could not show it at a plausible strength{from_there}; {reveal} would."
     if fitted.misfit > evidence.base.misfit * NOTHING_SEEN and not replaced:
         return f"{said} Nothing of that is seen: {error} goes from {fall}."
     numbers = [
@@ -352,7 +391,11 @@ def explanation(
 
 
 def _at_bounds(fitted: FittedModel, effect: Effect) -> str:
-    """What is to be said where a strength is beyond, or at the end of, what was thought plausible."""
+    """What is to be said where a strength is beyond, or at the end of, what was thought plausible.
+
+    Of a machine that nobody here knows that is a guess by its torque and pace, which a law may exceed.
+    """
+    on_bench, size = _on_bench(fitted), "so large"
     usual, keys, stuck = find_effect(effect.id) or effect, own_keys(fitted, effect), at_assumed_bounds(fitted)
     said = []
     for name in (one for one in dict.fromkeys((*effect.widened, *stuck)) if one in keys):
@@ -361,20 +404,44 @@ def _at_bounds(fitted: FittedModel, effect: Effect) -> str:
         if value < bound and name not in stuck:
             continue
         shown = _amount(bound * fitted.model.layout.scales.of(before.unit), before.unit)
-        where = "is beyond" if value > bound else "stands at"
-        said.append(f"{parameter_title(effect, name)} {where} the assumed bound of {shown}")
-    return f" Its {' and its '.join(said)}, so that it may be another effect." if said else ""
+        title, beyond = parameter_title(effect, name), value > bound
+        if on_bench and beyond:
+            said.append(f"{title} is beyond {shown}, which was guessed from this machine's torque and pace")
+        elif on_bench:
+            said.append(f"{title} stands at {shown}, the most that was looked for")
+            size = "larger"
+        else:
+            said.append(f"{title} {'is beyond' if beyond else 'stands at'} the assumed bound of {shown}")
+    if not said:
+        return ""
+    so = f": it may be {size}, or another effect." if on_bench else ", so that it may be another effect."
+    return f" Its {' and its '.join(said)}{so}"
 
 
 def _in_sentence(fitted: FittedModel, names: Sequence[str]) -> str:
     """Titles of some of the model's effects as they stand inside a sentence."""
-    titles = {c.effect.id: c.effect.title for c in fitted.choices}
+    titles = titles_in(fitted)
     return " and ".join(in_sentence(titles.get(name, name)) for name in names)
+
+
+def titles_in(fitted: FittedModel) -> dict[str, str]:
+    """What the model's effects are called, by id: a motor alone has a name for some as they were found."""
+    on_bench = _on_bench(fitted)
+    return {
+        one.effect.id: one.effect.title_of_an_axis(one.effect.shapes[one.shape])
+        if on_bench and one.effect.title_of_an_axis is not None
+        else one.effect.title
+        for one in fitted.choices
+    }
+
+
+def _on_bench(fitted: FittedModel) -> bool:
+    return all(f.row == Row.BENCH for f in fitted.model.layout.features)
 
 
 def _said(fitted: FittedModel, effect: Effect) -> str:
     """The effect's sentence; a motor bench has no joints to speak of."""
-    on_bench = all(f.row == Row.BENCH for f in fitted.model.layout.features)
+    on_bench = _on_bench(fitted)
     if on_bench and effect.of_an_axis is not None:
         shape = next(c.shape for c in fitted.choices if c.effect is effect)
         return effect.of_an_axis(effect.shapes[shape])

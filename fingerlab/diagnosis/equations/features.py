@@ -18,7 +18,13 @@ from typing import Any
 
 import numpy as np
 
-from fingerlab.diagnosis.equations.parameters import CHANGED_OFFSET, TIP_LAWS, TORQUE_LAG, TORQUE_ZERO
+from fingerlab.diagnosis.equations.parameters import (
+    CHANGED_OFFSET,
+    TIP_LAWS,
+    TORQUE_LAG,
+    TORQUE_LAG_SQUARE,
+    TORQUE_ZERO,
+)
 from fingerlab.diagnosis.settings import LIFTED_M, SLIP_STIFFNESSES, TIP_STIFFNESS, USUAL_SPREAD, WIDE_RATE_HZ
 from fingerlab.diagnosis.signals.scales import SI, Scales
 from fingerlab.effects.base import Effect, Gain, Row, Scale
@@ -185,12 +191,14 @@ def base_columns(motion: Motion) -> list[tuple[Feature, Array]]:
     """Features of nominal model and nuisances, shifted motor channels excepted."""
     if motion.finger is None:
         load = motion.load if motion.load is not None else np.zeros_like(motion.time)
+        slope = np.gradient(motion.torque, 1.0 / motion.sample_rate_hz)
         return [
             (Feature(Row.BENCH, "bench_inertia"), motion.acceleration),
             (Feature(Row.BENCH, "bench_gain"), load),
             (Feature(Row.BENCH, "bench_offset"), np.ones_like(motion.time)),
             (Feature(Row.BENCH, "bench_trace"), motion.velocity),
-            (Feature(Row.BENCH, TORQUE_LAG), -np.gradient(motion.torque, 1.0 / motion.sample_rate_hz)),
+            (Feature(Row.BENCH, TORQUE_LAG), -slope),
+            (Feature(Row.BENCH, TORQUE_LAG_SQUARE), -np.gradient(slope, 1.0 / motion.sample_rate_hz)),
         ]
     finger, q = motion.finger_and_joints
     one = np.ones_like(motion.time)

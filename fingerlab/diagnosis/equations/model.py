@@ -16,6 +16,7 @@ from fingerlab.diagnosis.equations.parameters import (
     SET_DOWN,
     TIP_LAWS,
     TORQUE_LAG,
+    TORQUE_LAG_SQUARE,
     ArmRatioPenalty,
     tie,
 )
@@ -194,7 +195,7 @@ def build(
 ) -> Model:
     """The model with the nominal equations, all nuisances (one law of the tip), and the chosen effects."""
     absent = {name for law, names in TIP_LAWS.items() if law != tip_law for name in names}
-    absent |= set() if layout.late_torque else {TORQUE_LAG}
+    absent |= set() if layout.late_torque else {TORQUE_LAG, TORQUE_LAG_SQUARE}
     special = {c.effect.special for c in choices}
     relaxed = {name: gain for c in choices for name, gain in c.effect.relaxes.items()}
     delayed = "delay" in special

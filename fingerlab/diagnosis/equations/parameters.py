@@ -53,7 +53,7 @@ TORQUE_ZERO = "torque_zero"
 """The unknown that a current's zero adds to the motor's torque, N m."""
 
 
-TORQUE_LAG = "bench_lag"
+TORQUE_LAG, TORQUE_LAG_SQUARE = "bench_lag", "bench_lag_square"
 """By how much the torque of a motor alone is logged later than its position, s: a filter of its current, or
 two clocks; below zero of a drive that holds its torque until the next reading of its position. Beside a
 finger both are channels of one card."""
@@ -81,7 +81,11 @@ def nuisance_ranges(rig: Rig, rate: float = math.inf) -> dict[str, Parameter]:
         rate: samples a second, of the run that has fewest.
     """
     lag = max(USUAL_LAG_S, USUAL_LAG_SAMPLES / rate)
-    bench = BENCH_RANGES | {TORQUE_LAG: Parameter("s", -EARLY_SAMPLES / rate, 10.0 * lag, lag)}
+    bench = BENCH_RANGES | {
+        TORQUE_LAG: Parameter("s", -EARLY_SAMPLES / rate, 10.0 * lag, lag),
+        # Half its square of a pure lag, more of a filter that swings.
+        TORQUE_LAG_SQUARE: Parameter("s^2", 0.0, (10.0 * lag) ** 2, 5.0 * lag**2),
+    }
     if rig.finger is None:
         return bench
     zero = rig.motor.torque_constant * rig.motor.gear_ratio * CURRENT_ZERO_A

@@ -140,8 +140,10 @@ def fill_missing_noise(reduced: Reduced) -> None:
             variance = torque_noise(reduced)
             bounded = variance == 0.0
             if bounded:
-                found = [left_out_covariance(g.state_products) for g in alike]
+                late = reduced.late_is_no_noise or reduced.layout.late_torque
+                found = [left_out_covariance(g.state_products, late=late) for g in alike]
                 variance = max((float(one[0, 0]) for one in found if one is not None), default=0.0)
+                variance *= reduced.torque_noise.share
             signal = _signal(reduced.layout, Row.BENCH, None)
             noise = np.zeros((reduced.layout.signal_count,) * 2)
             noise[signal, signal] = variance

@@ -95,9 +95,15 @@ def stuck_moments(motion: Motion, inner: slice) -> BoolArray:
     if reach > STUCK_REACH or len(position) <= 2 * reach:
         return np.zeros(len(position[inner]), dtype=bool)
     least = max(motion.position_step, STUCK_SHARE * 2 * reach * usual)
-    still = np.ptp(sliding_window_view(position, 2 * reach + 1), axis=1) < least
-    pulled = np.ptp(sliding_window_view(torque, 2 * reach + 1), axis=1)
-    stuck = np.pad(still & (pulled > PULLED_SHARE * float(np.std(torque[inner]))), reach)
+    still = np.pad(np.ptp(sliding_window_view(position, 2 * reach + 1), axis=1) < least, reach)
+    pulled = PULLED_SHARE * float(np.std(torque[inner]))
+    within = np.pad(np.ptp(sliding_window_view(torque, 2 * reach + 1), axis=1), reach)
+    stuck = still & (within > pulled)
+    # However slowly a loop winds up: from where it came to rest until it moves on.
+    smooth = np.convolve(torque, np.full(2 * reach + 1, 1.0 / (2 * reach + 1)), mode="same")
+    ends = np.flatnonzero(np.diff(still.astype(np.int8), prepend=0, append=0)).reshape(-1, 2)
+    for begin, end in ends:
+        stuck[begin:end] |= float(np.ptp(smooth[begin:end])) > pulled
     return np.asarray(stuck[inner])
 
 

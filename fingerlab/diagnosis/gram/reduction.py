@@ -12,6 +12,7 @@ from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 from functools import cached_property, partial
+from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
@@ -23,7 +24,16 @@ from fingerlab.diagnosis.equations.features import Layout
 from fingerlab.diagnosis.gram.decimation import Decimated, SegmentCache
 from fingerlab.diagnosis.gram.run_constants import RunConstants
 from fingerlab.diagnosis.gram.run_sums import Keep, in_place, pair_sums, run_sums, sums_in_turn
-from fingerlab.diagnosis.gram.sums import Group, PairSums, Reduced, RunSums, add_among, empty, finer_of
+from fingerlab.diagnosis.gram.state_law import ALL_NOISE, TorqueNoise, torque_products
+from fingerlab.diagnosis.gram.sums import (
+    Group,
+    PairSums,
+    Reduced,
+    RunSums,
+    add_among,
+    empty,
+    finer_of,
+)
 from fingerlab.diagnosis.settings import MOST_CLOSER, MOST_LOOKED_AT, STATE_ORDERS
 from fingerlab.diagnosis.signals.channel_checks import ChannelRatios, check_channels
 from fingerlab.diagnosis.signals.conditions import (
@@ -59,6 +69,7 @@ class Reduction:
         constants: that every run has of its own, for what is asked now; None: none.
         settled: whether they were looked for under the bare model.
         late_torque: whether the torque of a motor alone was found to be logged later than its position.
+        torque_noise: how much is noise of what no law of the state tells of a motor's torque.
         fixed: values that somebody holds unknowns of every model at, by key, SI.
         repairs: samples that were put right, by number of the run, how and channel; samples: that it has.
     """
@@ -82,6 +93,7 @@ class Reduction:
         self._settled_constants: RunConstants | None = None
         self.settled = False
         self.late_torque = False
+        self.torque_noise: TorqueNoise = ALL_NOISE
         self.fixed: Mapping[str, float] = {}
         self.repairs: dict[int, Mapping[Repair, int]] = {}
         self.samples: dict[int, float] = {}
@@ -104,15 +116,21 @@ class Reduction:
     def restart(self, fixed: Mapping[str, float] | None = None) -> None:
         """Begin a call that asks for nothing that another left: no constants but those of the bare model."""
         self.fixed, self.constants = dict(fixed or {}), self._settled_constants
+        self.torque_noise = ALL_NOISE
 
     def settle(self, constants: RunConstants | None) -> None:
         """Keep what was found under the bare model."""
         self.constants = self._settled_constants = constants
         self.settled = True
 
-    def resume(self, fixed: Mapping[str, float], constants: RunConstants | None) -> None:
-        """Go on from an answer: what it had fixed, and the constants of its runs."""
-        self.fixed, self.constants = fixed, constants
+    def resume(
+        self,
+        fixed: Mapping[str, float],
+        constants: RunConstants | None,
+        torque_noise: TorqueNoise = ALL_NOISE,
+    ) -> None:
+        """Go on from an answer: what it had fixed, the constants of its runs, and what was noise."""
+        self.fixed, self.constants, self.torque_noise = fixed, constants, torque_noise
 
     def _forget(self) -> None:
         self._cache = SegmentCache(self._executor)
@@ -238,12 +256,29 @@ class Reduction:
         # Missing noise is filled in by whoever asks.
         groups = [replace(g) for g in known.groups]
         layout = replace(known.layout, late_torque=self.late_torque)
-        return replace(known, layout=layout, groups=groups, constants=self.constants, fixed=self.fixed)
+        known = replace(known, constants=self.constants, fixed=self.fixed, torque_noise=self.torque_noise)
+        return replace(known, layout=layout, groups=groups)
 
     def shown(self, effects: Sequence[Effect], keep: Keep) -> None:
         """Show ``keep`` every segment as it passes, with the columns of few effects, formed anew."""
         acting = self._acting(effects)
         self._reduced(acting, self._layouts(acting), SILENT, keep, anew=True)
+
+    def torque_with_memory(self) -> list[list[Array]]:
+        """Of each run of the motor alone what a law of its state and past (``gram.state_law``) is made of.
+
+        Returns:
+            Products over blocks, (functions + 1,) * 2 each.
+        """
+        found: dict[tuple[Path, str], list[Array]] = {}
+
+        def keep(session: Session, run: Run, low: Decimated) -> None:
+            if low.wide.finger is None:
+                products = torque_products(low, self._orders, with_memory=True)
+                found.setdefault((session.path, run.name), []).extend(products)
+
+        self.shown([], keep)
+        return list(found.values())
 
     def by_state(self, effects: Sequence[Effect], watch: Watch = SILENT) -> Reduced:
         """Sums for few effects, and what a law of the state (``gram.state_law``) tells their signals by."""
@@ -263,6 +298,7 @@ class Reduction:
             None if self.constants is None else self.constants.key,
             tuple(sorted(self.fixed.items())),
             self.late_torque,
+            self.torque_noise,
             tuple(shapes),
         )
         if key not in self._remembered:
@@ -338,7 +374,8 @@ class Reduction:
         radius = 1.0 if self._on_bench else pairs[0][0].rig.motor.pulley_radius or 1.0
         changed = tuple(self._changed_pairs(runs, effects, each, whole.signal_count))
         every = list(groups.values())
-        return Reduced(whole, every, self._on_bench, radius, self.constants, self.fixed, changed)
+        now = self.constants, self.fixed, changed, self.torque_noise
+        return Reduced(whole, every, self._on_bench, radius, *now)
 
     def _changed_pairs(
         self, runs: Sequence[Run], effects: Sequence[Effect], asked: Sequence[ReadRequest], size: int

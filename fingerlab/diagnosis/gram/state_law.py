@@ -4,29 +4,45 @@ It is a regression on functions of angle, speed, acceleration, load and way sinc
 out. Among those of the angle are waves of the orders at which the torque of a motor alone repeats over it
 most. It knows no physics and no plausible range; what it cannot tell either, no effect is asked to explain.
 It takes as many functions as the runs that were left out bear out.
+
+What a law of the state leaves need not be noise: a transmission that winds up, play, an end stop or a delay
+remember the past, and an inertia that is another in every run has no law in common. A law with memory, and
+one of each run's own, tell how much of it is none (:func:`torque_noise`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
+from scipy.signal import lfilter
 
 from fingerlab.diagnosis.gram.decimation import Decimated, counted
 from fingerlab.diagnosis.settings import (
+    LEAST_OWN_SHARE,
+    MUCH_THE_SAME,
     STATE_BLOCK,
+    STATE_DAMPING,
     STATE_LEAST_GAIN,
+    STATE_MEMORIES_S,
+    STATE_RESONANCES_HZ,
     STATE_RIDGE,
     STATE_SPEEDS,
     STATE_TRAVELS_DEG,
 )
 from fingerlab.diagnosis.signals.filters import decimate
-from fingerlab.physics.friction_states import slip_states
+from fingerlab.physics.friction_states import first_order_lags, slip_states
 from fingerlab.physics.motion import Motion
 from fingerlab.sessions.model import Array
 
 BASIS = 4
 """So many functions every law has: a constant, acceleration, load and speed."""
+PAST = 2 * len(STATE_MEMORIES_S) + len(STATE_RESONANCES_HZ) + 6
+"""Number of the functions with memory, which come last."""
+JERK = BASIS
+"""Number of the function that a torque adds which is logged late: what an inertia takes, a little later."""
 
 
 def _functions(motion: Motion, orders: Sequence[float]) -> Array:
@@ -41,9 +57,10 @@ def _functions(motion: Motion, orders: Sequence[float]) -> Array:
     ways = slip_states(motion.position, np.radians(STATE_TRAVELS_DEG))
     by_speed = [np.tanh(speed / s) for s in STATE_SPEEDS]
     middle = ways[len(ways) // 2]
+    jerk = np.gradient(motion.acceleration) * motion.sample_rate_hz
     return np.stack(
         [
-            np.ones_like(speed), motion.acceleration, load, speed,
+            np.ones_like(speed), motion.acceleration, load, speed, jerk,
             *by_speed, *ways,
             angle, np.cos(angle), np.sin(angle), angle * middle, speed * np.abs(speed),
             np.sign(speed) * np.sqrt(np.abs(speed)), *(np.abs(load) * way for way in ways),
@@ -52,17 +69,40 @@ def _functions(motion: Motion, orders: Sequence[float]) -> Array:
     )  # fmt: skip
 
 
-def torque_products(low: Decimated, orders: Sequence[float]) -> list[Array]:
+def torque_products(low: Decimated, orders: Sequence[float], with_memory: bool = False) -> list[Array]:
     """Of a motor alone: the functions, and the torque last.
 
     Args:
         orders: periods a turn at which the torque may repeat with the angle.
+        with_memory: whether there are functions of the motion's past among them.
 
     Returns:
         Products over blocks of the stretch, (functions + 1,) * 2 each.
     """
-    wide = np.concatenate((_functions(low.wide, orders), low.wide.torque[None]))
-    return _by_blocks(decimate(wide[:, counted(low.wide)]))
+    motion = low.wide
+    past = [_functions_of_past(motion)] if with_memory else []
+    wide = np.concatenate((_functions(motion, orders), *past, motion.torque[None]))
+    return _by_blocks(decimate(wide[:, counted(motion)]))
+
+
+def _functions_of_past(motion: Motion) -> Array:
+    """Functions with memory: lags, a transmission that swings, friction by angle, (functions, n)."""
+    rate, acceleration, angle = motion.sample_rate_hz, motion.acceleration, motion.position
+    way = slip_states(angle, np.radians(STATE_TRAVELS_DEG))[len(STATE_TRAVELS_DEG) // 2]
+    lagged = first_order_lags(acceleration, STATE_MEMORIES_S, rate)
+    relaxed = angle - first_order_lags(angle, STATE_MEMORIES_S, rate)
+    swung = [_swung(acceleration, 2.0 * np.pi * hz, rate) for hz in STATE_RESONANCES_HZ]
+    by_angle = [part(k * angle) * way for k in (1.0, 2.0) for part in (np.sin, np.cos)]
+    snap = np.gradient(np.gradient(acceleration)) * rate**2
+    return np.stack([snap, *lagged, *relaxed, *swung, *by_angle, acceleration * way**2])
+
+
+def _swung(values: Array, pace: float, rate: float) -> Array:
+    """What a resonance at an angular frequency (rad/s) makes of values at a rate (Hz), (n,)."""
+    shrink = np.exp(-STATE_DAMPING * pace / rate)
+    turn = np.cos(pace * np.sqrt(1.0 - STATE_DAMPING**2) / rate)
+    poles = [1.0, -2.0 * shrink * turn, shrink**2]
+    return np.asarray(lfilter([sum(poles)], poles, values))
 
 
 def signal_products(low: Decimated) -> list[Array]:
@@ -76,7 +116,9 @@ def _by_blocks(signals: Array) -> list[Array]:
     return [block @ block.T for block in np.array_split(signals, pieces, axis=1)]
 
 
-def left_out_covariance(runs: Sequence[Sequence[Array]], signal_count: int = 1) -> Array | None:
+def left_out_covariance(
+    runs: Sequence[Sequence[Array]], signal_count: int = 1, late: bool = False
+) -> Array | None:
     """Mean products of what no law of the state tells of signals where it has not seen them.
 
     Function after function is taken, while what was left out is told better by it; None: it is not known.
@@ -84,6 +126,7 @@ def left_out_covariance(runs: Sequence[Sequence[Array]], signal_count: int = 1) 
     Args:
         runs: products over blocks of each, the signals last; a single run is left out block by block.
         signal_count: number of the signals, on either side of the products.
+        late: whether the torque may be logged late, so that the jerk is among the functions.
     """
     parts = [sum(blocks[1:], blocks[0]) for blocks in runs if blocks]
     if len(parts) == 1:
@@ -94,7 +137,7 @@ def left_out_covariance(runs: Sequence[Sequence[Array]], signal_count: int = 1) 
     others = each.sum(axis=0) - each
     # A function is taken only if it is there in what every part is judged by.
     there = np.flatnonzero((np.diagonal(others, axis1=1, axis2=2) > 0.0).all(axis=0))
-    there = there[there < each.shape[1] - signal_count]
+    there = there[(there < each.shape[1] - signal_count) & ((there != JERK) | late)]
     taken = [int(k) for k in there if k < BASIS]
     found = _left_out(each, others, taken, signal_count)
     rest = [int(k) for k in there if k >= BASIS]
@@ -107,6 +150,60 @@ def left_out_covariance(runs: Sequence[Sequence[Array]], signal_count: int = 1) 
         found = tried[best]
         taken.append(rest.pop(best))
     return found
+
+
+@dataclass(frozen=True)
+class TorqueNoise:
+    """How much of what no law of the state tells of a motor's torque is noise, and what tells the rest.
+
+    Attributes:
+        share: of the variance, 0 to 1.
+        told_by: a law with ``memory``, or one of each of the ``runs``; "": there is no rest.
+    """
+
+    share: float = 1.0
+    told_by: Literal["", "memory", "runs"] = ""
+
+
+ALL_NOISE = TorqueNoise()
+
+
+def torque_noise(runs: Sequence[Sequence[Array]], variance: float) -> TorqueNoise:
+    """What neither a law with memory nor one of each run's own would tell of a motor's torque.
+
+    Args:
+        runs: products over blocks of each, with the functions of the past.
+        variance: that no law of the state tells, (N m)^2.
+    """
+    shared = left_out_covariance(runs, late=True)
+    left = min(_left_by_own_laws(runs), np.inf if shared is None else float(shared[0, 0]))
+    if not left < variance:
+        return ALL_NOISE
+    now = [*range(len(runs[0][0]) - 1 - PAST), -1]
+    of_state = _left_by_own_laws([[block[np.ix_(now, now)] for block in blocks] for blocks in runs])
+    # What a run's own law tells as well without the past is another law, not a memory.
+    return TorqueNoise(left / variance, "runs" if of_state < MUCH_THE_SAME * left else "memory")
+
+
+def _left_by_own_laws(runs: Sequence[Sequence[Array]]) -> float:
+    """Variance that laws of each run's own leave of what they have not seen, (N m)^2; infinite: not known."""
+    found = [(left_out_covariance([blocks], late=True), _samples(blocks)) for blocks in runs]
+    known = [(float(one[0, 0]), count) for one, count in found if one is not None]
+    total = sum(count for _, count in known)
+    if total < LEAST_OWN_SHARE * sum(map(_samples, runs)):
+        return np.inf
+    return sum(each * count for each, count in known) / total
+
+
+def torque_variance(runs: Sequence[Sequence[Array]]) -> float:
+    """Variance of the torque about its mean, (N m)^2, of products over blocks of each run."""
+    products = np.sum([block for blocks in runs for block in blocks], axis=0)
+    count = max(float(products[0, 0]), 1.0)
+    return float(products[-1, -1]) / count - (float(products[0, -1]) / count) ** 2
+
+
+def _samples(blocks: Sequence[Array]) -> float:
+    return sum(float(block[0, 0]) for block in blocks)
 
 
 def _log_size(covariance: Array, against: Array) -> float:

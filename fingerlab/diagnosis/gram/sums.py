@@ -17,6 +17,7 @@ import numpy as np
 
 from fingerlab.diagnosis.equations.features import FeatureSet, Layout
 from fingerlab.diagnosis.gram.run_constants import EquationWeights, RunConstants, RunTotals
+from fingerlab.diagnosis.gram.state_law import ALL_NOISE, TorqueNoise
 from fingerlab.diagnosis.signals.channel_checks import ChannelRatios
 from fingerlab.diagnosis.signals.conditions import Fold, GroupKey
 from fingerlab.diagnosis.signals.segments import ChannelSigns
@@ -356,7 +357,9 @@ class Reduced:
 
     ``constants`` are those that every run has of its own; None: none was found. ``fixed``: values that
     somebody holds unknowns of every model at, by key, SI. ``pairs`` are of runs before a known change of the
-    machine and with it.
+    machine and with it. ``torque_noise``: how much is noise of what no law of the state tells of a motor's
+    torque.
+    ``late_is_no_noise``: whether that law tells what a torque adds which is logged late.
     """
 
     layout: Layout
@@ -366,6 +369,8 @@ class Reduced:
     constants: RunConstants | None = None
     fixed: Mapping[str, float] = field(default_factory=dict)
     pairs: tuple[PairSums, ...] = ()
+    torque_noise: TorqueNoise = ALL_NOISE
+    late_is_no_noise: bool = False
 
     @property
     def floor_from(self) -> FloorFrom:

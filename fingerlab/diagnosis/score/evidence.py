@@ -28,6 +28,8 @@ from fingerlab.diagnosis.settings import (
     CONTACT_SHARE,
     DECIDING_LOG_ODDS,
     DOUBTED,
+    HALF,
+    HALF_UNEXPLAINED,
     IMPOSSIBLE,
     LACK_OF_FIT,
     LEAST_PROBABILITY,
@@ -296,7 +298,10 @@ def with_lack_of_fit(evidence: Evidence, last: FittedModel) -> Evidence:
         return replace(evidence, nothing=nothing, unknown=evidence.unknown + evidence.nothing - nothing)
     # Each effect more takes its part of whatever is missing, so that less may be left by many.
     steps = max(len(last.choices) - len(evidence.base.choices), 1)
-    far = lacks_fit(last, UNEXPLAINED) and last.misfit > UNEXPLAINED_SHARE / steps * evidence.base.misfit
+    share = last.misfit / max(evidence.base.misfit, 1e-300)
+    far = (lacks_fit(last, UNEXPLAINED) and share > UNEXPLAINED_SHARE / steps) or (
+        lacks_fit(last, HALF_UNEXPLAINED) and share > HALF
+    )
     if evidence.verdict == Verdict.MISSING_EFFECT and far:
         taken = (1.0 - DOUBTED) * float(evidence.probabilities.sum())
         return replace(

@@ -15,12 +15,25 @@ import numpy as np
 
 from fingerlab.diagnosis.equations.model import Choice, Model
 from fingerlab.diagnosis.fit.data import Weights
+from fingerlab.diagnosis.fit.noise import row_covariance
 from fingerlab.diagnosis.gram.reduction import Reduction
-from fingerlab.diagnosis.gram.state_law import left_out_covariance
+from fingerlab.diagnosis.gram.state_law import (
+    ALL_NOISE,
+    TorqueNoise,
+    left_out_covariance,
+    torque_noise,
+    torque_variance,
+)
 from fingerlab.diagnosis.gram.sums import Group
 from fingerlab.diagnosis.score.fitted_model import FittedModel, at_found_shapes
 from fingerlab.diagnosis.score.scorer import Scorer
-from fingerlab.diagnosis.settings import FULL_ITERATIONS, LEAST_STATE_SHARE
+from fingerlab.diagnosis.settings import (
+    FULL_ITERATIONS,
+    LEAST_NOISE,
+    LEAST_STATE_SHARE,
+    TOLD_BY_MEMORY,
+    TOLD_BY_PATH,
+)
 from fingerlab.effects.base import Row
 from fingerlab.sessions.model import Array
 
@@ -51,6 +64,46 @@ def scored_in_floors(
     above = scorer.with_floor_weights()
     again = [above.fit(one.choices, one, FULL_ITERATIONS, weights) for one in fitted]
     return above, [above.score_held_out(one, residuals=True) for one in again]
+
+
+def noise_below_floor(
+    reduction: Reduction, first: tuple[Scorer, FittedModel], last: tuple[Scorer, FittedModel]
+) -> TorqueNoise:
+    """What is noise of that which no law of the state tells of a motor's torque, where nothing repeats.
+
+    All of it, but where a law with memory, or one of each run's own, tells most of it and far more than a
+    path of effects explains: then no model is right that leaves just that.
+
+    Args:
+        first: model of the path, with what scored it. last: the same.
+
+    Raises:
+        UserError: a run cannot be read.
+    """
+    reduced, (_, fitted) = first[0].reduced, last
+    groups = reduced.groups
+    if not (reduced.on_bench and any(group.bounded for group in groups)):
+        return ALL_NOISE
+    runs = reduction.torque_with_memory()
+    floor = max(1.0 / float(fitted.weights[group.key][Row.BENCH, Row.BENCH]) for group in groups)
+    # A score does not count what a motor holds that sticks, nor how far below the floor a model comes.
+    before, after = (min(one[1].score ** 2 * floor, _torque_left(*one)) for one in (first, last))
+    if after < LEAST_NOISE * torque_variance(runs):
+        return ALL_NOISE
+    found = torque_noise(runs, floor)
+    share = max(found.share, LEAST_STATE_SHARE)
+    explained = (before - after) / max(before - share * floor, LEAST_STATE_SHARE * before)
+    return replace(found, share=share) if share < TOLD_BY_MEMORY and explained < TOLD_BY_PATH else ALL_NOISE
+
+
+def _torque_left(scorer: Scorer, fitted: FittedModel) -> float:
+    """Mean square of what a model leaves of a motor's torque, (N m)^2."""
+    model, values, groups = fitted.model, fitted.fit.values, scorer.reduced.groups
+    squares = [
+        row_covariance(model, values, group, group.whole.of(model.pick), 1.0)[Row.BENCH, Row.BENCH]
+        for group in groups
+    ]
+    return float(sum(squares)) / max(sum(group.samples for group in groups), 1.0)
 
 
 def _share_of_state(group: Group, model: Model, values: Array) -> Array:

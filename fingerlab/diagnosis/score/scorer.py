@@ -77,6 +77,13 @@ class Scorer:
         other.__dict__.pop("bare", None)
         return other
 
+    def with_late_told(self) -> Scorer:
+        """The same for a motor alone, with a floor that a torque which is logged late does not pass below."""
+        groups = [
+            replace(g, noise_samples=0.0, bounded=False) if g.bounded else g for g in self.reduced.groups
+        ]
+        return Scorer(replace(self.reduced, groups=groups, late_is_no_noise=True))
+
     def with_late_torque(self) -> Scorer:
         """The same for a motor alone whose torque may be logged later than its position."""
         other = self.fresh()

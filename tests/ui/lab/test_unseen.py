@@ -92,11 +92,11 @@ def test_an_effect_that_is_not_ruled_out_but_improbable_is_said_apart() -> None:
     alike, rival = known.candidates[:2]
     assert set_words(known).startswith("Cannot be told apart here: Coulomb joint friction and Stribeck")
     far = replace(known, candidates=(alike, replace(rival, probability=0.004), *known.candidates[2:]))
-    assert set_words(far) == "Below 1 %, but not ruled out: Stribeck joint friction."
+    assert set_words(far) == "Less likely, but not ruled out: Stribeck joint friction."
     assert verdict_sentence(far).startswith("Coulomb joint friction is missing from the nominal model (83 %")
     assert set_sentence(far).startswith(
-        "Improbable, below 1 %, but not ruled out: Stribeck joint friction. The one that is truly missing is "
-        "meant to be among these 2 in 95 % of such cases."
+        f"Less likely, but not ruled out: Stribeck joint friction (< 1 %, {rival.score:.2f} floors). The one "
+        "that is truly missing is meant to be among these 2 in 95 % of such cases."
     )
 
 
