@@ -16,9 +16,8 @@ from fnmatch import fnmatch
 
 import numpy as np
 
-from fingerlab.batch.laws import Estimate, possible_errors, quantiles
-from fingerlab.batch.settings import BETWEEN, BEYOND, SIZES
-from fingerlab.batch.strengths import (
+from fingerlab.batch.followed import (
+    ageing_rows,
     found_effects,
     model_of,
     prior_of,
@@ -26,7 +25,9 @@ from fingerlab.batch.strengths import (
     strength_columns,
     with_strengths,
 )
-from fingerlab.batch.table import Row, ageing_rows
+from fingerlab.batch.laws import Estimate, possible_errors, quantiles
+from fingerlab.batch.settings import BETWEEN, BEYOND, SIZES
+from fingerlab.batch.table import Row
 from fingerlab.core.errors import UserError
 from fingerlab.core.text import ParameterEstimate
 from fingerlab.sessions.model import Array

@@ -16,10 +16,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fingerlab.batch.laws import Course, Estimate, course
-from fingerlab.batch.settings import MOSTLY, PROBABLE
-from fingerlab.batch.strengths import (
+from fingerlab.batch.followed import (
+    ageing_rows,
+    days_of,
     effect_of,
+    followed_columns,
     found_effects,
     model_of,
     prior_of,
@@ -27,7 +28,9 @@ from fingerlab.batch.strengths import (
     strength_columns,
     with_strengths,
 )
-from fingerlab.batch.table import Row, ageing_rows, days_of, followed_columns, number_of
+from fingerlab.batch.laws import Course, Estimate, course
+from fingerlab.batch.settings import MOSTLY, PROBABLE
+from fingerlab.batch.table import Row, number_of
 from fingerlab.core.text import ParameterEstimate
 from fingerlab.diagnosis.equations.parameters import is_loss
 from fingerlab.sessions.model import Array

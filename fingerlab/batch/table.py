@@ -18,7 +18,6 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
@@ -30,10 +29,11 @@ from fingerlab.core.text import ParameterEstimate
 from fingerlab.core.trust import OwnSource
 from fingerlab.diagnosis import diagnose
 from fingerlab.diagnosis.answer.results import Diagnosis
+from fingerlab.diagnosis.equations.coefficients import DELAY
+from fingerlab.diagnosis.score.calibration import Verdict
 from fingerlab.effects import find_effect
 from fingerlab.effects.own import only_these
 from fingerlab.sessions import Session, file_hash, open_session
-from fingerlab.sessions.model import Array
 
 SOFTWARE = f"fingerlab {fingerlab.__version__}"
 
@@ -42,14 +42,6 @@ MAIN_PARAMETERS = (
     "mcp_stiffness", "pip_stiffness", "bench_inertia", "bench_gain", "bench_offset",
 )  # fmt: skip
 """Unknowns of every model that say something about the bench; nuisances of the analysis stay out."""
-ALONE = (
-    "coulomb_friction",
-    "viscous_friction",
-    "motor_coulomb_friction",
-    "motor_viscous_friction",
-    "transport_delay",
-)
-"""Effects whose strength is followed over time, found missing or not."""
 
 Row = dict[str, Any]
 
@@ -129,7 +121,10 @@ def _facts(session: Session) -> Row:
 
 def _answer(result: Diagnosis) -> Row:
     first = result.candidates[0] if result.candidates else None
-    chance = {"nothing_missing": result.probability_nothing, "not_in_catalogue": result.probability_unknown}
+    chance = {
+        Verdict.NOTHING_MISSING: result.probability_nothing,
+        Verdict.NOT_IN_CATALOGUE: result.probability_unknown,
+    }
     in_set = [c for c in result.candidates if c.effect in result.set]
     row: Row = {
         "verdict": result.verdict,
@@ -164,20 +159,26 @@ def _parameters(result: Diagnosis) -> tuple[Row, dict[str, str]]:
             units[column + ending] = found.unit
 
     for key, found in result.final_parameters.items():
-        if key.split("@")[0] in MAIN_PARAMETERS or _effect_of(key) in result.final_model:
+        if key.split("@")[0] in MAIN_PARAMETERS or _is_of(key, result.final_model):
             keep(f"param.{key}", found)
     for candidate in result.candidates:
         known = find_effect(candidate.effect)
         if known is not None and not candidate.replaces:
             for name, found in candidate.parameters.items():
-                if name in known.unknowns or (candidate.effect in ALONE and not name.endswith("_deg")):
+                if name in known.unknowns:
                     keep(f"alone.{candidate.effect}.{name}", found)
     return columns, units
 
 
-def _effect_of(key: str) -> str:
-    """The effect that a parameter belongs to; a delay has a name of its own."""
-    return "transport_delay" if key == "delay" else key.split(".")[0]
+def _is_of(key: str, model: Sequence[str]) -> bool:
+    """Whether a parameter belongs to an effect of the model; a delay has a name of its own."""
+    return any(is_delay(name) if key == DELAY else key.split(".")[0] == name for name in model)
+
+
+def is_delay(name: str) -> bool:
+    """Whether the effect with this id is a delay of channels."""
+    one = find_effect(name)
+    return one is not None and one.special == "delay"
 
 
 MARK = b"fingerlab_batch"
@@ -347,94 +348,6 @@ def units_of(outcomes: Sequence[SessionRow], known: Mapping[str, str]) -> dict[s
     for outcome in outcomes:
         result |= outcome.units
     return result
-
-
-DAYS_A_MONTH = 365.25 / 12
-LEAST_TIMES = 4
-"""All slopes agree by chance one time in three with three points, one in twelve with four."""
-CONFIDENCE = 0.9
-
-FOLLOWED = ("score", "final_score")
-FOLLOWED_PARAMETERS = (
-    "param.arm_mcp", "param.arm_pip", *(f"alone.{effect}." for effect in ALONE), "param.loss_mcp",
-    "param.loss_pip", "param.offset", "param.bench_gain", "param.bench_offset",
-)  # fmt: skip
-"""Columns that are followed over time, by how their names begin: arms, friction, delay, losses, offset."""
-
-
-@dataclass(frozen=True)
-class Trend:
-    """A quantity over time. ``median`` and ``per_month`` with its 90 % interval are in ``unit`` (a month)."""
-
-    column: str
-    unit: str
-    median: float
-    per_month: float
-    low: float
-    high: float
-    sessions: int
-
-    @property
-    def changes(self) -> bool:
-        """Whether the interval leaves out zero; of ten quantities that do not change, one does by chance."""
-        return self.low > 0 or self.high < 0
-
-
-def ageing_rows(rows: Sequence[Row]) -> list[Row]:
-    """Sessions that were diagnosed and know their time, in its order; a copy of a file counts once."""
-    timed: dict[str, tuple[float, Row]] = {}
-    for row in rows:
-        when = recorded_at(row.get("created"))
-        if when is not None and not row.get("error"):
-            timed.setdefault(str(row["sha256"]), (when.timestamp(), row))
-    return [row for _, row in sorted(timed.values(), key=lambda pair: pair[0])]
-
-
-def followed_columns(rows: Sequence[Row]) -> list[str]:
-    """The followed columns that the rows have, in the order in which a person reads them."""
-    names = sorted({name for row in rows for name in row})
-    found = list(FOLLOWED)
-    for start in FOLLOWED_PARAMETERS:
-        found += [n for n in names if n.startswith(start) and not n.endswith((".low", ".high"))]
-    return found
-
-
-def trends(rows: Sequence[Row], units: Mapping[str, str]) -> list[Trend]:
-    """The trend of every followed quantity that enough sessions have; see :func:`trend`."""
-    usable = ageing_rows(rows)
-    days = days_of(usable)
-    result = []
-    for column in followed_columns(usable):
-        values = np.array([number_of(row.get(column)) for row in usable])
-        known = np.isfinite(values)
-        found = trend(days[known], values[known])
-        if found is not None:
-            slope, low, high = found
-            median, count = float(np.median(values[known])), int(known.sum())
-            result.append(Trend(column, units.get(column, "1"), median, slope, low, high, count))
-    return result
-
-
-def trend(days: Array, values: Array) -> tuple[float, float, float] | None:
-    """Theil-Sen slope per month with its 90 % interval; None for fewer than four different times.
-
-    The median of the slopes of all pairs: a few sessions that went wrong do not turn it. Source: Sen 1968.
-
-    Args:
-        days: time of recording, shape (n,). values: shape (n,).
-    """
-    if len(set(days.tolist())) < LEAST_TIMES:
-        return None
-    from scipy.stats import theilslopes
-
-    slope, _, low, high = theilslopes(values, days / DAYS_A_MONTH, alpha=CONFIDENCE)
-    return float(slope), float(low), float(high)
-
-
-def days_of(rows: Sequence[Row]) -> Array:
-    """Days since 1970 at which sessions of :func:`ageing_rows` were recorded, (n,)."""
-    times = [recorded_at(row["created"]) for row in rows]
-    return np.array([when.timestamp() / 86400.0 for when in times if when is not None])
 
 
 def number_of(value: object) -> float:

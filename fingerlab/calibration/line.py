@@ -11,7 +11,7 @@ import numpy as np
 
 from fingerlab.calibration.sensors import Limit, Sensor
 from fingerlab.core.errors import UserError
-from fingerlab.core.text import ParameterEstimate
+from fingerlab.core.text import LEVEL, ParameterEstimate
 from fingerlab.sessions.model import Array
 
 
@@ -90,9 +90,6 @@ def find_steps(time: Array, volts: Array, count: int, timing: StepTiming) -> tup
     return tuple(steps)
 
 
-CONFIDENCE = 0.90
-"""Share of the intervals that hold the true value; the same as for fitted model parameters."""
-
 UNSTEADY = 0.25
 """A step whose samples spread by more than this share of the usual distance between steps was disturbed.
 
@@ -140,7 +137,7 @@ class Calibration:
             "unit": self.sensor.unit,
             "gain": asdict(self.gain),
             "offset": asdict(self.offset),
-            "confidence": CONFIDENCE,
+            "confidence": LEVEL,
             "r2": self.r2,
             "rms": self.rms,
             "zero_volts": self.zero_volts,
@@ -182,7 +179,7 @@ def calibrate_steps(sensor: Sensor, steps: Sequence[SteadyStep], marks: Sequence
     offset = float(known.mean() - gain * volts.mean())
     residuals = known - gain * volts - offset
     variance = float(residuals @ residuals) / (len(volts) - 2)
-    factor = float(stdtrit(len(volts) - 2, 0.5 + CONFIDENCE / 2))
+    factor = float(stdtrit(len(volts) - 2, 0.5 + LEVEL / 2))
     gain_error = factor * math.sqrt(variance / spread)
     offset_error = factor * math.sqrt(variance * (1 / len(volts) + volts.mean() ** 2 / spread))
     if gain == 0:

@@ -16,9 +16,10 @@ from rich.text import Text
 
 from fingerlab.batch.benches import BenchSessions, SharedEffect, shared_effects, two_groups
 from fingerlab.batch.changes import BenchChange, NumberCourse, beside, changes, courses
+from fingerlab.batch.followed import LEAST_TIMES, Trend, ageing_rows, trends
 from fingerlab.batch.run import BatchResult, locally, on_dask, run_batch
 from fingerlab.batch.settings import PROBABLE
-from fingerlab.batch.table import LEAST_TIMES, Contents, Options, Row, Trend, ageing_rows, recorded_at, trends
+from fingerlab.batch.table import Contents, Options, Row, recorded_at
 from fingerlab.cli.common import (
     NEW_FILE,
     PATH,
@@ -35,14 +36,17 @@ from fingerlab.cli.common import (
 from fingerlab.core.errors import UserError
 from fingerlab.core.plain_data import json_ready
 from fingerlab.core.text import fixed, largest_of, score_text, screen_unit
-from fingerlab.report.comparison_words import change_sentence, not_shown_sentence, outcome_words, trend_cells
 from fingerlab.report.time_words import (
+    change_sentence,
     course_json,
     course_sentence,
     courses_csv,
+    not_shown_sentence,
+    outcome_words,
     shared_csv,
     shared_json,
     shared_sentence,
+    trend_cells,
 )
 
 MOST_LISTED = 5

@@ -225,6 +225,7 @@ def _print(result: Diagnosis, arc: str, budget: bool) -> None:
     """
     from rich.text import Text
 
+    from fingerlab.diagnosis.score.calibration import Verdict
     from fingerlab.report import diagnosis_words as words
     from fingerlab.report.score_words import score_words
 
@@ -243,7 +244,7 @@ def _print(result: Diagnosis, arc: str, budget: bool) -> None:
         console.print(Text(f"{arc}\n"))
     for candidate in words.suspected(result):
         console.print(Text(f"{candidate.title}: {candidate.explanation}\n"))
-    strange = result.verdict == "not_in_catalogue" and result.set
+    strange = result.verdict == Verdict.NOT_IN_CATALOGUE and result.set
     if len(result.set) > 1 or strange or words.not_shown(result):
         console.print(Text(words.set_sentence(result)))
     if words.as_good_sentence(result):

@@ -34,6 +34,7 @@ from fingerlab.cli.common import (
 from fingerlab.core.errors import UserError
 from fingerlab.core.plain_data import json_ready
 from fingerlab.core.text import (
+    LEVEL,
     amount,
     largest_of,
     mean_and_deviation,
@@ -45,7 +46,7 @@ from fingerlab.core.text import (
 from fingerlab.diagnosis.signals.scales import find_scales
 from fingerlab.models.file import DIAGNOSIS_METHOD, SavedModel, load_model
 from fingerlab.prediction import EQUATIONS, extended_model, predict_extended
-from fingerlab.prediction.extended import EQUATION_WORDS, LEVEL, Equation, ExtendedModel
+from fingerlab.prediction.extended import EQUATION_WORDS, Equation, ExtendedModel
 from fingerlab.prediction.inverse import TorquePlan, needed_torque, plan_json, predictors
 from fingerlab.prediction.predict import ExtendedPrediction, RunPrediction, interval_over, spread_over
 from fingerlab.prediction.target import ContactPose, pose_by_hand, pose_of_run, wanted_force, words_of

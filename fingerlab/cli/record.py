@@ -26,6 +26,7 @@ from fingerlab.cli.record_session import Events
 from fingerlab.cli.simulate import PROTOCOL_HELP, TRAJECTORY_HELP, ProtocolName, protocol_plans, single_plan
 from fingerlab.core.errors import UserError
 from fingerlab.core.files import read_text
+from fingerlab.sessions.model import CABLES
 
 if TYPE_CHECKING:
     from fingerlab.acquisition.bench.bench import Bench
@@ -63,7 +64,7 @@ FORCE = Within(min=0.05, max=50.0)
 )
 @click.option("--runs", default=1, show_default=True, type=click.IntRange(1, 100), help="Of --trajectory.")
 @click.option("--phase", help="Phase of that run: on_air, contact, motor_bench or free.")
-@click.option("--cable", type=click.Choice(["extension", "flexion", "none"]), help="Cable of that run.")
+@click.option("--cable", type=click.Choice(CABLES), help="Cable of that run.")
 @click.option(
     "--device",
     metavar="NAME",

@@ -30,6 +30,7 @@ from fingerlab.report.comparison_words import (
     outcome_sentences,
     replicated,
 )
+from fingerlab.sessions.model import CABLES
 
 if TYPE_CHECKING:
     from fingerlab.rig.file import Rig
@@ -153,7 +154,7 @@ def read_proposal(text: str) -> dict[str, Any]:
 @click.option("--best-values", is_flag=True, help="With --model: take its best values, draw none.")
 @click.option("--trajectory", metavar="FILE|JSON", help=TRAJECTORY_HELP)
 @click.option("--phase", help="Phase of that run: on_air, contact, motor_bench or free.")
-@click.option("--cable", type=click.Choice(["extension", "flexion", "none"]), help="Cable of that run.")
+@click.option("--cable", type=click.Choice(CABLES), help="Cable of that run.")
 @click.option("--out", required=True, type=NEW_SESSION, help="Session file to write (.h5).")
 @json_option
 def simulate(

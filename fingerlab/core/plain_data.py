@@ -14,7 +14,7 @@ import tomllib
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import MISSING, fields, is_dataclass
 from functools import cache
-from typing import Any, TypeVar, get_args, get_type_hints
+from typing import Any, TypeGuard, TypeVar, get_args, get_type_hints
 
 import msgspec
 import numpy as np
@@ -58,6 +58,11 @@ MOST_TOML = 1 << 18
 MOST_LEVELS = 32
 MOST_DIGITS = 300
 """Digits that still are a number of double precision."""
+
+
+def is_number(value: object) -> TypeGuard[int | float]:
+    """Whether it is a finite number; true and false are none."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
 
 
 def parsed(text: object, toml: bool = False) -> Any:

@@ -1,4 +1,4 @@
-"""Long calculations: where they report, how they are stopped, and a second process that takes a share.
+"""Long calculations: where they report, how they are stopped, a second process, and how soon they get a core.
 
 Threads would not help: thousands of short array operations wait for one interpreter lock. Nothing heavy is
 imported here, so that the second process can start first of all. Processes are spawned, as Windows does.
@@ -6,9 +6,11 @@ imported here, so that the second process can start first of all. Processes are 
 
 from __future__ import annotations
 
+import ctypes
 import importlib
 import multiprocessing
 import os
+import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor
@@ -105,3 +107,30 @@ def second_process(paths: Sequence[Path], module: str) -> Iterator[Executor | No
 
 ENDING_S = 2.0
 """In which the thread that watches a process has seen that it is gone; assumed."""
+
+
+NORMAL_CLASS, ABOVE_NORMAL_CLASS, HIGH_CLASS = 0x20, 0x8000, 0x80
+"""Of a process, as the Windows API's SetPriorityClass counts them."""
+
+
+def own_niceness() -> int:
+    """Of this thread (Linux) or process; 0 where the system has none."""
+    return 0 if sys.platform == "win32" else os.getpriority(os.PRIO_PROCESS, 0)
+
+
+def ask_for(niceness: int, windows_class: int) -> bool:
+    """Ask for a priority against other programs; whether it was granted.
+
+    Args:
+        niceness: of this thread and those that it starts from now on (Linux), or of the process.
+        windows_class: of the whole process, on Windows.
+    """
+    if sys.platform == "win32":
+        kernel = ctypes.WinDLL("kernel32")
+        kernel.GetCurrentProcess.restype = ctypes.c_void_p
+        return bool(kernel.SetPriorityClass(ctypes.c_void_p(kernel.GetCurrentProcess()), windows_class))
+    try:
+        os.setpriority(os.PRIO_PROCESS, 0, niceness)
+    except OSError:
+        return False
+    return True

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 RAD_IN_DEGREE = math.pi / 180.0
@@ -196,6 +196,15 @@ def screen_unit(si: str, largest: float) -> ScreenUnit:
 
 def _pretty(si: str) -> str:
     return si.replace("^2", "²").replace("^3", "³").replace("*", " ")
+
+
+LEVEL = 0.90
+"""Share of all intervals that are told which hold the true value."""
+
+
+def listed(words: Sequence[str]) -> str:
+    """``a``, ``a and b``, ``a, b and c``."""
+    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else list(words))
 
 
 def largest_of(values: Iterable[float]) -> float:

@@ -38,11 +38,10 @@ from fingerlab.diagnosis.equations.parameters import TORQUE_LAG
 from fingerlab.diagnosis.fit.data import Weights
 from fingerlab.diagnosis.fit.run_spreads import find_constants
 from fingerlab.diagnosis.gram.reduction import Reduction
-from fingerlab.diagnosis.gram.sums import RunConstants
+from fingerlab.diagnosis.gram.run_constants import RunConstants
 from fingerlab.diagnosis.score.calibration import (
-    NOTHING,
-    UNKNOWN,
     CalibratedAnswer,
+    Verdict,
     calibrated,
     session_features,
 )
@@ -60,22 +59,24 @@ from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.score.selection import justified, lacks_fit
 from fingerlab.diagnosis.search.exchange import ExchangedModel, odds_of_rivals
 from fingerlab.diagnosis.search.grid_refinement import fit_refined, with_shapes_of
-from fingerlab.diagnosis.search.next_effect import fitted_to_the_end, held_back
+from fingerlab.diagnosis.search.next_effect import at_edges, fitted_to_the_end
 from fingerlab.diagnosis.search.strategy import Found, Question, Stages, search_effects
 from fingerlab.diagnosis.settings import (
     CONSTANTS_ROUNDS,
     DECIDING_LOG_ODDS,
     FULL_ITERATIONS,
+    LAG_AT_EDGE,
     LAG_SHARE,
     NEARLY_RIGHT,
     ONE_WAY,
     ONE_WAY_POINTS,
+    REPLACING_SHARE,
     RUN_LOG_ODDS,
     SET_LOG_ODDS,
     STANDING_LOAD,
     STILL_LEFT,
 )
-from fingerlab.effects import effect, whole_catalogue
+from fingerlab.effects import CATALOGUE, effect, whole_catalogue
 from fingerlab.effects.base import Effect
 from fingerlab.sessions.model import Array, Run, Session
 
@@ -160,7 +161,7 @@ def _look(
     """Tell what a model leaves of the runs that its fit has not seen, in the floors of the last answer."""
     if weights is not None:
         fitted = scorer.fit(fitted.choices, fitted, FULL_ITERATIONS, weights)
-        scorer = scorer.in_floors()
+        scorer = scorer.with_floor_weights()
     found = scorer.score_held_out(fitted, residuals=True)
     first(FirstLook(tuple(found.effect_ids), found.score, equation_errors(scorer.reduced, found)))
 
@@ -175,16 +176,12 @@ def settle_constants(reduction: Reduction, scorer: Scorer) -> Scorer:
     if reduction.late_torque:
         scorer = scorer.with_late_told().with_late_torque()
     if reduction.constants is None and not reduction.settled:
-        free = Scorer(replace(scorer.reduced, held={})) if scorer.reduced.held else scorer
+        free = Scorer(replace(scorer.reduced, fixed={})) if scorer.reduced.fixed else scorer
         bare, rig = free.bare, reduction.sessions[0].rig
         reduction.settle(
             find_constants(scorer.reduced, bare.model, bare.fit.values, bare.weights, rig, reduction.motions)
         )
     return scorer if reduction.constants is None else scorer.with_constants(reduction.constants)
-
-
-LIKE_A_LAG = "motor_viscous_friction"
-"""At one pace an inertia's torque that comes late is what viscous friction takes."""
 
 
 def torque_is_late(reduction: Reduction, scorer: Scorer) -> bool:
@@ -202,9 +199,10 @@ def torque_is_late(reduction: Reduction, scorer: Scorer) -> bool:
         return False
     if lag < 0.0:
         return True
-    if lag >= 0.99 * most:
+    if lag >= LAG_AT_EDGE * most:
         return False
-    rubs = effect(LIKE_A_LAG)  # also where it is not asked for, or left out of the catalogue
+    # Also where it is not asked for, or left out of the catalogue.
+    rubs = next(e for e in CATALOGUE.values() if e.like_late_torque)
     beside = Scorer(replace(reduction.refined([rubs]), late_is_no_noise=True))
     rubbing = beside.score_held_out(beside.fit_reweighted([Choice(rubs)], bare))
     return rubbing.misfit - lagging.misfit > 2.0 * DECIDING_LOG_ODDS
@@ -219,7 +217,7 @@ def check_held(reduction: Reduction, scorer: Scorer, given: Sequence[Effect]) ->
     reduced = scorer.reduced
     free = build(reduced.layout, reduced.groups, [Choice(one) for one in given])
     known = {u.key: u.parameter for u in free.unknowns}
-    for key, value in reduction.held.items():
+    for key, value in reduction.fixed.items():
         if key not in known:
             raise UserError(f"This model has no parameter '{key}' to hold; it has {', '.join(known)}.")
         size = reduced.layout.scales.of(known[key].unit)
@@ -310,7 +308,7 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
     usual = session_features(runs, errors.values(), evidence.base.score, path[-1].score)
     probabilities, calibration = calibrated(evidence.odds, verdict, *usual)
     probability = dict(zip(evidence.odds.answers, map(float, probabilities), strict=True))
-    stuck = held_back(scorer, evidence)
+    stuck = at_edges(scorer, evidence)
     chosen = _cannot_be_ruled_out(evidence, calibration, probability)
     chosen += [i for i in stuck if i not in chosen]
     reduction, by_last = question.reduction, found.refined or scorer
@@ -348,8 +346,8 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
         final_model=tuple(path[-1].effect_ids),
         next_experiment=None if following is None else following.proposal,
         seconds=time.perf_counter() - started,
-        probability_nothing=probability[NOTHING],
-        probability_unknown=probability[UNKNOWN],
+        probability_nothing=probability[Verdict.NOTHING_MISSING],
+        probability_unknown=probability[Verdict.NOT_IN_CATALOGUE],
         parameters=every_parameter(evidence.base, evidence.temperature),
         final_parameters=every_parameter(path[-1], evidence.temperature),
         comparisons=curves.comparisons if curves else (),
@@ -365,7 +363,7 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
         odds=evidence.odds,
         predicted=None if following is None else following.predicted,
         paired=_paired(question.reduction, scorer, evidence, chosen),
-        held=dict(reduction.held),
+        held=dict(reduction.fixed),
         constants=reduction.constants,
         torque_noise=reduction.torque_noise,
         fitted=evidence.base,
@@ -404,19 +402,19 @@ def _cannot_be_ruled_out(
     Args:
         probability: calibrated probability of every answer.
     """
-    if evidence.verdict == "not_in_catalogue":
+    if evidence.verdict == Verdict.NOT_IN_CATALOGUE:
         return []
     names = [c.last_effect.id for c in evidence.candidates]
-    if evidence.verdict == "nothing_missing":
+    if evidence.verdict == Verdict.NOTHING_MISSING:
         # Of the hidden ones 95 % would be most of the catalogue: those that could hide, and what is seen
         # and nearly as likely as nothing.
-        near = float(np.exp(-SET_LOG_ODDS)) * probability[NOTHING]
+        near = float(np.exp(-SET_LOG_ODDS)) * probability[Verdict.NOTHING_MISSING]
         hidden = undetectable(evidence)
         seen = [i for i, name in enumerate(names) if probability[name] >= near and i not in hidden]
         return sorted([*hidden, *seen], key=lambda i: -probability[names[i]])
     index = {name: i for i, name in enumerate(names)}
     chosen = [index[name] for name in said.cannot_be_ruled_out if name in index]
-    if evidence.verdict == "missing_effect" and not chosen:
+    if evidence.verdict == Verdict.MISSING_EFFECT and not chosen:
         chosen = [int(np.argmax(evidence.probabilities))]
     return chosen
 
@@ -453,7 +451,7 @@ def _replacing(evidence: Evidence, rivals: Sequence[ExchangedModel]) -> dict[str
     shares = shares_of_rivals(odds_of_rivals(rivals))
     whole = {c.last_effect.id: p for c, p in zip(evidence.candidates, evidence.posterior, strict=True)}
     best = {one.added[0]: one for one in reversed(rivals)}
-    return {name: one for name, one in best.items() if shares[name] > 0.5 * whole.get(name, 0.0)}
+    return {name: one for name, one in best.items() if shares[name] > REPLACING_SHARE * whole.get(name, 0.0)}
 
 
 def _display() -> Display:
@@ -472,13 +470,15 @@ def _next_run(
 ) -> NextRun | None:
     """The run that would separate the effects of the set, or show those that could not be seen; or None."""
     verdict = evidence.verdict
-    if verdict == "missing_effect":
+    if verdict == Verdict.MISSING_EFFECT:
         chosen = alike(evidence, -RUN_LOG_ODDS)
-    if verdict == "not_in_catalogue" or len(chosen) < (2 if verdict == "missing_effect" else 1):
+    if verdict == Verdict.NOT_IN_CATALOGUE or len(chosen) < (2 if verdict == Verdict.MISSING_EFFECT else 1):
         return None
     from fingerlab.diagnosis.experiment.proposal import propose, reveal
 
-    return (propose if verdict == "missing_effect" else reveal)(sessions, scorer, evidence, chosen, usual)
+    return (propose if verdict == Verdict.MISSING_EFFECT else reveal)(
+        sessions, scorer, evidence, chosen, usual
+    )
 
 
 def _candidates(

@@ -22,7 +22,7 @@ PACE_SAMPLES = 65536
 LEAST_RATE_HZ = 60.0
 """Samples in a reduced second at least: seven in a cycle of the narrow cutoff, below which the band itself is
 lost; assumed."""
-HELD_SAMPLES = 4096
+READ_SAMPLES = 4096
 """So many samples of a run tell how often its channels are read."""
 LEAST_READINGS = 64
 """A position with fewer readings in these does not show the motion; assumed."""
@@ -62,6 +62,8 @@ USUAL_LAG_S, USUAL_LAG_SAMPLES = 0.002, 2.0
 filtered, a bus hands either on; assumed. Up to ten times as much is looked for."""
 EARLY_SAMPLES = 1.5
 """... or earlier by up to so many samples: half of one as a drive holds it, and one of its calculation."""
+LAG_AT_EDGE = 0.99
+"""Share of the latest lag from which on one is no lag: something else makes the torque late; assumed."""
 LAG_SHARE = 0.9
 """It is only believed where it explains so much of what the bare model misses; assumed: where motors rub it
 explains a fifth at most, and viscous friction of a light touch three quarters."""
@@ -111,11 +113,13 @@ MOST_SPIKES_SHARE = 0.02
 
 LEAST_SPIKES = 5
 """Fewer spikes of a channel in all runs are left aside without a word."""
-HELD_STEPS = 4.0
+JUMP_STEPS = 4.0
 """So many steps of its own a channel has to jump for the next sample to be asked whether it moves on."""
 STANDING_SHARE = 0.75
 """... and in so many jumps it must not: one that is read with each sample does in nearly all; assumed."""
-LEAST_HELD = 20
+SAME_SIZE = 0.05
+"""Changes that differ by less than this share of the smallest differ by rounding; assumed."""
+LEAST_JUMPS = 20
 """With fewer jumps nothing is said of how often a channel is read; assumed."""
 
 # ## Channels whose sense is turned
@@ -141,6 +145,8 @@ OFF_CURRENT = 1.5
 """... for the torque over what the current makes of it, which are one measurement."""
 COMMAND_CORRELATION = 0.9
 """A motor whose position and command correlate below minus this turns against it; assumed."""
+SAME_TORQUE = 0.05
+"""Torque and current are told of each other where they differ by less by the rig's constants; assumed."""
 DEAD_SHARE = 0.02
 """A joint that moves by less than this share of the other one does not move; assumed."""
 LEAST_ARM_M, LARGEST_ARM_M = 0.001, 0.08
@@ -201,6 +207,12 @@ SLACK_NOISES = 4.5
 soft springs the same current's noise is a larger share of what the cable carries."""
 INERTIA_SPREADS = 2.0
 """... and more where the rotor speeds up: its inertia may be off by so many standard deviations."""
+TENSION_SAMPLES = 9
+"""So many samples at the wide rate, 36 ms, a tension is averaged over first: its own noise is then small."""
+SLACK_REACH, STUCK_MIX = 7 / 8, 3 / 4
+"""Shares of the low-pass' reach on either side of a moment that it spoils: of a slack one, which hangs
+through by millimetres where a taut cable is known to micrometres, and of a motor that sticks, of which what a
+window holds beyond weighs less than a hundredth."""
 AT_REST_DEG = 0.1
 """A motor stands that turns by less than this in a sixth of a second; assumed: two steps of its encoder."""
 REST_REACH = 2
@@ -227,6 +239,9 @@ STICTION_MEAN_SQUARE = 1.0 / 3.0
 
 TREND_DEGREE = 3
 """Of the polynomial over a stretch that counts as its slow trend."""
+MOST_HARMONICS = 0.6
+"""Share of a stretch's samples that its motion's harmonics, sine and cosine, may number: more would follow
+its noise; assumed."""
 MOST_NOISE = 0.995
 """Noise may make up at most this share of any combination of features."""
 GRAM_RIDGE = 1e-9
@@ -352,6 +367,12 @@ PIVOTING_ROUNDS = 40
 """Exchanges of bounds after which the slower, certain way is taken."""
 FULL_ITERATIONS = 8
 """A fit of so many iterations is meant to end, not to look round."""
+MOST_ITERATIONS, USUAL_ITERATIONS = 12, 10
+"""Steps of a fit at most where nothing else is said, and of a model beside others; assumed: a fit ends before
+where a step lowers the cost by no more than ``LEAST_GAIN``."""
+STEP_FRACTIONS = (1.0, 0.5, 0.2, 0.05)
+"""Shares of a Newton step that are tried until the cost falls; assumed: where a twentieth of it does not
+lower it, the fit has ended."""
 SETTLED = 0.05
 """Weights that change by no larger share belong to their fit: a score then changes by some per mille."""
 MOST_ROUNDS = 8
@@ -458,6 +479,9 @@ GRID_SHARE = 0.07
 """Share of what an effect gains that the nearest point of its grid may lack; assumed."""
 CLOSER_RIVALS = 2
 """So many are looked at between the points of their grids."""
+REPLACING_SHARE = 0.5
+"""An effect is rather in place of a given one than beside it if that is more than this share of its
+probability."""
 RIVAL_LOG_ODDS = float(np.log(2.0))
 """Log odds from which on a model with an effect exchanged is told as the better one: twice as likely."""
 DOUBTED = 0.05
@@ -485,6 +509,8 @@ WEAKEST, STRONGEST = 0.5, 2.0
 logarithm; assumed."""
 MOST_ODDS = float(np.exp(2.0))
 """What is below a verdict's threshold speaks for an effect by at most this factor; assumed."""
+STRENGTH_POINTS = 33
+"""Strengths between these at which that is looked at: a step of 4 %."""
 AS_LIKELY = np.exp(-1.0)
 """An effect that the data make less likely by more than this factor has not stayed undetected."""
 MOST_UNDETECTED = 0.95
@@ -521,6 +547,9 @@ AT_BOUND = 0.999
 """Share of a bound from which on a value stands at it."""
 MOST_WIDENED = 3
 """Times that an assumed range is made ten times as wide, at most."""
+LEADERS = 3
+"""Times that all effects are judged under the weights of the best, at most, as another one comes first;
+assumed."""
 SCREEN_ITERATIONS = 3
 """Steps of a fit that only tells whether an effect is worth more."""
 LONGEST_PATH = 4
@@ -531,23 +560,7 @@ JOINT_SEARCH_LEVEL = 8.0
 """Squared score above one from which on many effects are looked for together: no usual path ends there but
 for something outside of the catalogue."""
 MOST_BEYOND = 2
-"""Effects that are looked for beside those of ``EVERYDAY`` on a bench that is far from its model; assumed."""
-EVERYDAY = (
-    "motor_inertia",
-    "routing_change",
-    "cable_slack",
-    "capstan_friction",
-    "cable_stretch",
-    "coulomb_friction",
-    "motor_coulomb_friction",
-    "viscous_friction",
-    "motor_viscous_friction",
-    "transport_delay",
-    "contact_angle",
-)
-"""What every bench has before anybody measured it, each by its plainest law: what turns has mass and rubs,
-dry and wet; a cable hangs loose, gives, rubs in its sheath, lies where it was put; channels pass devices; no
-face is straight. On a bench far from its model all is fitted first, in this order (kinematics); assumed."""
+"""Effects that are looked for beside ``effects.EVERYDAY`` on a bench that is far from its model; assumed."""
 LEAST_SHARE_OF_MANY = 0.1
 """Share of the misfit that each further one explains at least, of runs left out, also beside those that come
 after it; assumed. On benches as built torque ripple explains 0.15 to 0.3, effects not there mostly less."""
@@ -576,6 +589,8 @@ LOOKING_ITERATIONS = 3
 SHAPE_PASSES = 2
 """Times that the shapes of several effects are gone through, each given the others', and times that all are
 refined where one takes a number from what is fitted."""
+SHAPE_ROUNDS = 2
+"""Times that one effect's shape is looked for: the weights that come with the best may prefer another one."""
 FOLLOWING_ROUNDS = 8
 """Times that a model is fitted again, at most, whose shapes take numbers from what is fitted: a delay beside
 friction of the motor comes half as close each time."""
@@ -619,6 +634,9 @@ FIRST_WORTH = 0.5
 """What it is worth that the truth is found and first, alone or not, if it is 1 that it is alone; assumed."""
 DECISIVE = 10.0
 """A separation beyond this (nats) is worth no more: the effect is out of the set."""
+WORTH_STEPS = 20.0
+"""Worths are told apart to a twentieth: of two that are as good to it, the run that separates more;
+assumed."""
 LENGTHS_S = (DURATION_S, 60.0)
 """Lengths of a run, s; the longer one is proposed where the shorter would not decide. Assumed: an operator
 spends a minute on a question rather than come back with half an answer."""
@@ -637,12 +655,32 @@ PHASE_BINS = 12
 """The same over the phase of the stroke: a twelfth of it is 30 degrees."""
 LEAST_SAMPLES = 4
 """A bin with fewer says nothing."""
+BINS_A_PERIOD = 4
+"""Bins of a wave that must be seen for its form to be; assumed."""
 OUTLYING = 0.005
 """Share of the samples at either end that does not widen the range."""
 SHORTEST_S = 0.04
 """Stretches shorter than this, s, are joined with their neighbours where they lie as close."""
 Z90 = 1.645
 """Two-sided 90 % of a normal distribution, in standard deviations."""
+NOTHING_SEEN = 0.98
+"""Share of the misfit that an effect has to leave for nothing of it to be seen; assumed."""
+HARDLY_DETERMINED = 0.7
+"""Share of a prior's spread that is left where the runs hardly tell a value; assumed."""
+SLOWLY, STANDS_STILL = 0.7, 0.2
+"""Shares of a run's usual speed below which a moment is told as slow, or as near standstill; assumed."""
+LOW_LOAD, HIGH_LOAD = 0.25, 0.75
+"""Quantiles of the tension of a run outside of which its load is told as low or high; assumed."""
+MOST_ORDERED = 4
+"""Effects whose every order is tried: each further one doubles the models that have to be fitted."""
+LONGEST_LAG_S = 4.0
+"""Of an autocorrelation, s: four periods of the thesis' usual motion."""
+SURE = 1.96
+"""Two-sided 95 % of a normal distribution, in standard deviations."""
+MOST_SAMPLES = 3_000_000
+"""Of a run that is read at its full rate: an hour of it is told no better by more points than pixels."""
+CLOSE_ENOUGH = 0.9
+"""Share of the filtered side that the channel has to tell, else it is not what is measured; assumed."""
 MOST_NAMED = 1.0
 """A strength beyond this share of its plausible range is not named: none that is plausible would show."""
 
@@ -658,13 +696,8 @@ DRAFT_ENDS_DEG = (2.5, 5.0, 10.0)
 """The last part of a joint's travel, degrees, in which an end may be met; assumed."""
 DRAFT_DELAYS_S = (0.01, 0.04, 0.16)
 """Times by which channels may be late, s; assumed, up to the 0.16 s of the thesis."""
-DRAFT_LOOSE_N = 0.12
-"""Tension below which a cable may hang loose, N; as for cable_slack, and looked for about it."""
 DRAFT_LATE_S = 0.012
 """Time by which a damper makes a cable's stretch late, s; assumed: the middle of the catalogue's."""
-DRAFT_ORDERS = tuple(float(n) for n in (*range(4, 41, 2), *range(44, 61, 4)))
-"""Periods a turn of a finger's motor at which a torque may repeat, as the catalogue's ripple; of a motor
-alone the spectrum over its angle tells."""
 DRAFT_RANGE = 10.0
 """A coefficient lies within so many times what would make its term as large as all that is measured."""
 DRAFT_LEAST = 0.5

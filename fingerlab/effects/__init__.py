@@ -23,6 +23,22 @@ ORDER = (
     *("contact_angle", "contact_compliance", "routing_change"),
 )
 """Order of the catalogue, by family. An effect that is not named here comes behind these, by its id."""
+EVERYDAY = (
+    "motor_inertia",
+    "routing_change",
+    "cable_slack",
+    "capstan_friction",
+    "cable_stretch",
+    "coulomb_friction",
+    "motor_coulomb_friction",
+    "viscous_friction",
+    "motor_viscous_friction",
+    "transport_delay",
+    "contact_angle",
+)
+"""What every bench has before anybody measured it, each by its plainest law: what turns has mass and rubs,
+dry and wet; a cable hangs loose, gives, rubs in its sheath, lies where it was put; channels pass devices; no
+face is straight. On a bench far from its model all is fitted first, in this order (kinematics); assumed."""
 
 
 CATALOGUE: dict[str, Effect] = found_in(__path__, __name__, ORDER)
@@ -62,6 +78,7 @@ def find_effect(name: str) -> Effect | None:
 
 __all__ = [
     "CATALOGUE",
+    "EVERYDAY",
     "Effect",
     "Example",
     "Formula",

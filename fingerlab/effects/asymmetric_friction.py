@@ -2,7 +2,17 @@
 
 import numpy as np
 
-from fingerlab.effects.base import BESIDE_A_FINGER, Effect, Example, Formula, Row, Shape, Term, rubbing
+from fingerlab.effects.base import (
+    BESIDE_A_FINGER,
+    BOTH_JOINTS,
+    Effect,
+    Example,
+    Formula,
+    Row,
+    Shape,
+    Term,
+    rubbing,
+)
 from fingerlab.effects.transmission import FRICTION, WINDING_SHAPES, coulomb_terms, drive_terms, pull_terms
 from fingerlab.physics.motion import Motion
 from fingerlab.physics.parameter import LOSS, Parameter
@@ -41,7 +51,7 @@ EFFECT = Effect(
     columns=columns,
     coordinate="motor speed",
     equation=Row.PIP,
-    explanation="Both joints miss the same tension, and more of it in one direction of travel.",
+    explanation=f"{BOTH_JOINTS}, and more of it in one direction of travel.",
     reveal="slow sines on the motor bench",
     mend="Have gearbox and brushes looked after, or let the motor's command add the friction of "
     "either direction.",

@@ -94,6 +94,8 @@ class Row(IntEnum):
 
 EQUATION_FAMILIES = ("joint_torque", "cable_kinematics", "motor_torque", "endpoint_force")
 BESIDE_A_FINGER: Final = "beside a finger"
+BOTH_JOINTS, MOTOR_ALONE = "Both joints miss the same tension", "The motor's equation misses a torque"
+"""How the explanation of an effect of the drive begins, and what stands there for a motor without joints."""
 COORDINATE_UNITS = {
     "time": "s",
     "joint speed": "rad/s",
@@ -216,6 +218,9 @@ class Effect:
             what the tip does along the face turns with it.
         family: one of ``FAMILIES``. formula: what is printed of it.
         example: a motion and what the columns are in it.
+        followed: unknowns whose value is followed over sessions, the effect found missing or not, and what a
+            table calls them.
+        like_late_torque: at one pace, it takes what a motor's inertia leaves whose torque is logged late.
         widened: names of unknowns whose range was made ten times as wide, once for each time.
         wanders, sticks: as an argument, says of all gains that they differ from run to run, or hold at rest.
     """
@@ -248,6 +253,8 @@ class Effect:
     family: str = FAMILIES[-1]
     formula: Formula | None = None
     example: Example | None = None
+    followed: Mapping[str, str] = field(default_factory=dict)
+    like_late_torque: bool = False
     widened: tuple[str, ...] = ()
     wanders: InitVar[bool] = False
     sticks: InitVar[bool] = False
@@ -263,6 +270,11 @@ class Effect:
                 for name, gain in self.gains.items()
             }
             object.__setattr__(self, "gains", flagged)
+
+    @property
+    def explanation_alone(self) -> str:
+        """The explanation where there is a motor alone, if none is given of an axis."""
+        return self.explanation.replace(BOTH_JOINTS, MOTOR_ALONE)
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -428,6 +440,10 @@ def every(*closer: Closer) -> Closer:
         return found
 
     return combined
+
+
+PRESLIDING_TRAVELS_DEG = (1.0, 2.0, 4.0, 8.0)
+"""Travel over which what winds up before it slides lets go, degrees at the joint or the pulley; assumed."""
 
 
 def dahl_or_masing(shape: Shape) -> list[Shape]:

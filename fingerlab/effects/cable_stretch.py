@@ -6,11 +6,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from fingerlab.effects.base import Effect, Example, Formula, Row, Shape, Term, either, of_shape, times
-from fingerlab.effects.transmission import CABLES, DRIVE, SHARES, driven_tension, sheath_loss
+from fingerlab.effects.transmission import DRIVE, SHARES, driven_tension, sheath_loss
 from fingerlab.physics.friction_states import first_order_lags, with_grid
 from fingerlab.physics.motion import Motion
 from fingerlab.physics.parameter import Parameter
-from fingerlab.sessions.model import Array
+from fingerlab.sessions.model import CABLE_SIGN, Array
 
 LAGS_S = (0.004, 0.008, 0.016, 0.032)
 """Time constants of a damper beside the cable's spring, s; assumed."""
@@ -50,7 +50,7 @@ def _stretching(motion: Motion, shape: Shape) -> Array:
     if not shape.get("sheath_stretch_behind"):
         return tension
     sheath = {**shape, **{name: shape[f"sheath_{name}"] for name in ("travel_deg", "sharpness", "held")}}
-    losses = (shape.get(f"share_{cable}", 0.0) * sheath_loss(motion, sheath, cable) for cable in CABLES)
+    losses = (shape.get(f"share_{cable}", 0.0) * sheath_loss(motion, sheath, cable) for cable in CABLE_SIGN)
     return np.asarray(tension - sum(losses))
 
 

@@ -16,7 +16,6 @@ from fingerlab.effects.base import (
     times,
 )
 from fingerlab.effects.transmission import (
-    CABLES,
     DRIVE,
     MOST_SHARE,
     SHARES,
@@ -27,6 +26,7 @@ from fingerlab.effects.transmission import (
 )
 from fingerlab.physics.motion import Motion
 from fingerlab.physics.parameter import Parameter
+from fingerlab.sessions.model import CABLE_SIGN
 
 HELD_TRAVELS_DEG = (0.1, 0.2, 0.8)
 """Travel over which a cable that is held in its sheath slides at a tension of REFERENCE_PULL_N, degrees at
@@ -42,7 +42,7 @@ def columns(motion: Motion, shape: Shape) -> list[Term]:
 
     On the grid the share is small, and the same for both cables; between its points it is what was found.
     """
-    terms = [t for cable in CABLES for t in pull_terms(cable, sheath_loss(motion, shape, cable))]
+    terms = [t for cable in CABLE_SIGN for t in pull_terms(cable, sheath_loss(motion, shape, cable))]
     return [t for t in terms if shape["stretch_behind"] or t.row != Row.CABLE]
 
 
@@ -81,7 +81,7 @@ EFFECT = Effect(
     title="Sheath (capstan) friction",
     family="Cable",
     acts_on=("joint_torque", "motor_torque"),
-    gains={cable: _share(cable) for cable in CABLES},
+    gains={cable: _share(cable) for cable in CABLE_SIGN},
     columns=columns,
     coordinate="tension times direction of travel",
     equation=Row.PIP,
@@ -106,7 +106,7 @@ EFFECT = Effect(
             "μ/(1 − μ) paying out."
         ),
         source=("Euler 1769 and Eytelwein 1808 for a small angle of wrap; sheaths: Kaneko, Do et al. 2013."),
-        values={**dict.fromkeys(CABLES, r"\mu"), "travel_deg": r"\delta"},
+        values={**dict.fromkeys(CABLE_SIGN, r"\mu"), "travel_deg": r"\delta"},
         alike=("load_dependent_friction", "motor_coulomb_friction", "coulomb_friction"),
     ),
     example=Example(

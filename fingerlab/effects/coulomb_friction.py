@@ -26,6 +26,7 @@ EFFECT = Effect(
     shapes=tuple({"travel_deg": travel} for travel in JOINT_TRAVELS_DEG),
     shape_units={"travel_deg": "deg"},
     closer=rubbing(),
+    followed={"coulomb_mcp": "MCP friction, Coulomb", "coulomb_pip": "PIP friction, Coulomb"},
     formula=Formula(
         equation=r"\tau_j = C_j\,z(\theta_j;\delta)",
         symbols=(

@@ -1,6 +1,15 @@
 """Coulomb friction in motor and gearbox."""
 
-from fingerlab.effects.base import ALONE, REVERSAL_SPEED, Effect, Example, Formula, Row, rubbing
+from fingerlab.effects.base import (
+    ALONE,
+    BOTH_JOINTS,
+    REVERSAL_SPEED,
+    Effect,
+    Example,
+    Formula,
+    Row,
+    rubbing,
+)
 from fingerlab.effects.transmission import FRICTION, MOTOR_ALONE_SHAPES, WINDING_SHAPES, coulomb_terms
 
 EFFECT = Effect(
@@ -12,7 +21,7 @@ EFFECT = Effect(
     columns=coulomb_terms,
     coordinate="motor speed",
     equation=Row.PIP,
-    explanation="Both joints miss the same tension, which flips sign with motor speed.",
+    explanation=f"{BOTH_JOINTS}, which flips sign with motor speed.",
     reveal="a motor-bench run without a finger",
     reveal_of_an_axis="slow motion that turns round often",
     mend="Run the gearbox in and grease it, or choose a smaller ratio.",
@@ -22,6 +31,7 @@ EFFECT = Effect(
     switches_seen=(ALONE,),
     closer=rubbing(),
     bench=True,
+    followed={"coulomb": "Motor friction, Coulomb"},
     formula=Formula(
         equation=r"\tau_m = C\,z(\theta_m;\delta)",
         symbols=(

@@ -1,6 +1,6 @@
 """Another inertia of rotor, gearbox and pulley than the rig file says."""
 
-from fingerlab.effects.base import BESIDE_A_FINGER, Effect, Example, Formula, Row, Shape, Term
+from fingerlab.effects.base import BESIDE_A_FINGER, BOTH_JOINTS, Effect, Example, Formula, Row, Shape, Term
 from fingerlab.effects.transmission import drive_terms, pull_terms
 from fingerlab.physics.motion import Motion
 from fingerlab.physics.parameter import Parameter
@@ -21,7 +21,7 @@ EFFECT = Effect(
     columns=columns,
     coordinate="motor acceleration",
     equation=Row.PIP,
-    explanation="Both joints miss the same tension, in proportion to motor acceleration.",
+    explanation=f"{BOTH_JOINTS}, in proportion to motor acceleration.",
     reveal="a fast chirp on the motor bench",
     mend="Enter the inertia of rotor, gearbox and pulley in the rig file, or accelerate less.",
     bench=BESIDE_A_FINGER,

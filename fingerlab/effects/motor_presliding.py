@@ -4,13 +4,20 @@ import math
 
 import numpy as np
 
-from fingerlab.effects.base import Effect, Example, Formula, Row, Shape, Term, dahl_or_masing
+from fingerlab.effects.base import (
+    BOTH_JOINTS,
+    PRESLIDING_TRAVELS_DEG,
+    Effect,
+    Example,
+    Formula,
+    Row,
+    Shape,
+    Term,
+    dahl_or_masing,
+)
 from fingerlab.effects.transmission import FRICTION, drive_terms, winding_state
 from fingerlab.physics.friction_states import dahl_states, with_grid
 from fingerlab.physics.motion import Motion
-
-PRESLIDING_TRAVELS_DEG = (1.0, 2.0, 4.0, 8.0)
-"""Travel over which what winds up before it slides lets go, degrees at the pulley; assumed."""
 
 
 def columns(motion: Motion, shape: Shape) -> list[Term]:
@@ -33,7 +40,7 @@ EFFECT = Effect(
     columns=columns,
     coordinate="motor speed",
     equation=Row.PIP,
-    explanation="Both joints miss the same tension; it builds up over a small travel after a reversal.",
+    explanation=f"{BOTH_JOINTS}; it builds up over a small travel after a reversal.",
     reveal="small sines, 1 to 5 degrees, on the motor bench",
     reveal_of_an_axis="small motions that turn round often",
     mend="Reverse less often, or add a small dither to the motor's command.",

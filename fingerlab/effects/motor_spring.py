@@ -1,6 +1,6 @@
 """An elastic torque on the motor side."""
 
-from fingerlab.effects.base import Effect, Example, Formula, Row, Shape, Term
+from fingerlab.effects.base import BOTH_JOINTS, Effect, Example, Formula, Row, Shape, Term
 from fingerlab.effects.transmission import drive_terms
 from fingerlab.physics.motion import Motion
 from fingerlab.physics.parameter import Parameter
@@ -24,7 +24,7 @@ EFFECT = Effect(
     columns=columns,
     coordinate="motor angle",
     equation=Row.PIP,
-    explanation="Both joints miss the same tension, in proportion to the motor angle.",
+    explanation=f"{BOTH_JOINTS}, in proportion to the motor angle.",
     of_an_axis=lambda shape: OF_AN_AXIS,
     reveal="slow steps on the motor bench",
     reveal_of_an_axis="slow steps over the whole travel",

@@ -8,6 +8,7 @@ import numpy as np
 
 from fingerlab.effects.base import (
     ALONE,
+    BOTH_JOINTS,
     OCTAVE,
     REVERSAL_SPEED,
     SPEED_FACTORS,
@@ -63,7 +64,7 @@ EFFECT = Effect(
     columns=columns,
     coordinate="motor speed",
     equation=Row.PIP,
-    explanation="Both joints miss the same tension; it flips sign with motor speed, larger when slow.",
+    explanation=f"{BOTH_JOINTS}; it flips sign with motor speed, larger when slow.",
     reveal="a chirp from 0.1 to 3 Hz on the motor bench",
     reveal_of_an_axis="motion from very slow to fast",
     mend="Grease the gearbox, and keep the motor from creeping: it is largest at low speed.",

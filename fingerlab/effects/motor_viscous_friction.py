@@ -1,6 +1,6 @@
 """Viscous friction in motor and gearbox."""
 
-from fingerlab.effects.base import Effect, Example, Formula, Row, Shape, Term
+from fingerlab.effects.base import BOTH_JOINTS, Effect, Example, Formula, Row, Shape, Term
 from fingerlab.effects.transmission import drive_terms
 from fingerlab.physics.motion import Motion
 from fingerlab.physics.parameter import Parameter
@@ -23,11 +23,13 @@ EFFECT = Effect(
     columns=columns,
     coordinate="motor speed",
     equation=Row.PIP,
-    explanation="Both joints miss the same tension, in proportion to motor speed.",
+    explanation=f"{BOTH_JOINTS}, in proportion to motor speed.",
     reveal="a motor-bench run at several speeds",
     reveal_of_an_axis="runs at several speeds",
     mend="Use a thinner grease in the gearbox, let it warm up, or move more slowly.",
     bench=True,
+    followed={"viscous": "Motor friction, viscous"},
+    like_late_torque=True,
     formula=Formula(
         equation=r"\tau_m = B\,\dot\theta_m",
         symbols="B: viscous coefficient at the gearbox output.",

@@ -5,7 +5,6 @@ What is refused here would otherwise break a diagnosis half-way, far from the li
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -13,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fingerlab.core.errors import UserError
+from fingerlab.core.plain_data import is_number
 from fingerlab.core.trust import error_with_line
 from fingerlab.effects.base import (
     BESIDE_A_FINGER,
@@ -31,7 +31,7 @@ from fingerlab.physics.motion import Motion
 from fingerlab.physics.nominal import JointMotion
 from fingerlab.physics.parameter import LOSS, Parameter, Role
 from fingerlab.rig.file import default_rig
-from fingerlab.sessions.model import PHASES, Array
+from fingerlab.sessions.model import CABLE_SIGN, PHASES, Array
 
 SCALES = ("joint", "direct", "arm_mcp", "arm_pip", "compliance")
 MOST_SHAPES = 50
@@ -127,7 +127,7 @@ def _check_words(effect: Effect, where: str) -> None:
             f"{where} asks for 'special', 'relaxes' or 'turns'; an effect of your own acts by its "
             "columns alone."
         )
-    _all_of(effect.cables, ("extension", "flexion"), f"{where}, cables")
+    _all_of(effect.cables, tuple(CABLE_SIGN), f"{where}, cables")
     _one_of(effect.bench, (True, False, BESIDE_A_FINGER), f"{where}, bench")
     _one_of(effect.family, FAMILIES, f"{where}, family")
     if effect.example is not None and not isinstance(effect.example, Example):
@@ -176,7 +176,7 @@ def _check_gains(effect: Effect, where: str) -> None:
             raise UserError(f"{here} has a title, name or symbol that is no text.")
         if not isinstance(gain.source, str) or not gain.source.strip():
             raise UserError(f"{here} has no source; say where the range comes from, or 'assumed'.")
-        if not all(_is_number(v) for v in (gain.low, gain.high, gain.typical)) or not gain.low < gain.high:
+        if not all(is_number(v) for v in (gain.low, gain.high, gain.typical)) or not gain.low < gain.high:
             raise UserError(f"{here} has the range {gain.low} to {gain.high}; low should be below high.")
         if not 0 < gain.typical <= max(abs(gain.low), abs(gain.high)):
             raise UserError(f"{here} has typical {gain.typical}; it should be above 0 and within the range.")
@@ -201,7 +201,7 @@ def _check_role(effect: Effect, name: str, gain: Parameter, here: str) -> None:
         within = gain.limits(shape)
         if within is None:
             continue
-        good = isinstance(within, (tuple, list)) and len(within) == 2 and all(_is_number(v) for v in within)
+        good = isinstance(within, (tuple, list)) and len(within) == 2 and all(is_number(v) for v in within)
         if not good or not gain.low <= within[0] < within[1] <= gain.high:
             raise UserError(f"{here} has the limits {within!r} at {dict(shape)}; it should lie in the range.")
 
@@ -217,7 +217,7 @@ def _check_grid(effect: Effect, where: str) -> None:
             raise UserError(
                 f"{where} has the shape {shape!r}; each should name {sorted(units)}, as shape_units."
             )
-        if not all(_is_number(v) for v in shape.values()):
+        if not all(is_number(v) for v in shape.values()):
             raise UserError(f"{where} has the shape {dict(shape)!r}; its values should be finite numbers.")
     points = [tuple(sorted(shape.items())) for shape in shapes]
     if len(set(points)) != len(points):
@@ -226,12 +226,8 @@ def _check_grid(effect: Effect, where: str) -> None:
         raise UserError(f"{where} has a closer that cannot be called; give a function of a shape.")
     for shape in shapes:
         for near in effect.closer(shape):
-            if not set(units) <= set(near) or not all(_is_number(v) for v in near.values()):
+            if not set(units) <= set(near) or not all(is_number(v) for v in near.values()):
                 raise UserError(f"{where}: closer gives {near!r}; it should be a shape like {dict(shape)!r}.")
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
 
 
 def _check_columns(effect: Effect, where: str) -> None:

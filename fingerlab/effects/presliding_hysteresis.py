@@ -4,14 +4,20 @@ import math
 
 import numpy as np
 
-from fingerlab.effects.base import Effect, Example, Formula, Row, Shape, Term, dahl_or_masing
+from fingerlab.effects.base import (
+    PRESLIDING_TRAVELS_DEG,
+    Effect,
+    Example,
+    Formula,
+    Row,
+    Shape,
+    Term,
+    dahl_or_masing,
+)
 from fingerlab.effects.joints import COULOMB, both, friction_of_joints, joint_terms
 from fingerlab.physics.friction_states import dahl_states, with_grid
 from fingerlab.physics.motion import Motion
 from fingerlab.sessions.model import Array
-
-PRESLIDING_TRAVELS_DEG = (1.0, 2.0, 4.0, 8.0)
-"""The same of presliding, degrees at the joint; assumed."""
 
 
 def columns(motion: Motion, shape: Shape) -> list[Term]:

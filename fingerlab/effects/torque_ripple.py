@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fingerlab.effects.base import Effect, Example, Formula, Row, Shape, Term
+from fingerlab.effects.base import BOTH_JOINTS, Effect, Example, Formula, Row, Shape, Term
 from fingerlab.effects.transmission import RIPPLE_ORDERS, drive_terms, pull_terms, turning_with
 from fingerlab.physics.motion import LEAST_PERIODS, Motion, strongest_lines
 from fingerlab.physics.parameter import Limits, Parameter
@@ -150,7 +150,7 @@ EFFECT = Effect(
     columns=columns,
     coordinate="motor angle",
     equation=Row.PIP,
-    explanation="Both joints miss the same tension, which repeats with the motor angle.",
+    explanation=f"{BOTH_JOINTS}, which repeats with the motor angle.",
     of_an_axis=_of_an_axis,
     title_of_an_axis=_title_of_an_axis,
     reveal="a slow sine of large amplitude on the motor bench",

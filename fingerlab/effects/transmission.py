@@ -11,7 +11,7 @@ from fingerlab.effects.base import ALONE, REVERSAL_SPEED, REVERSAL_SPEEDS, Effec
 from fingerlab.physics.friction_states import friction_state, rubbing_forces, slip_states, with_grid
 from fingerlab.physics.motion import Motion, nothing
 from fingerlab.physics.parameter import Parameter
-from fingerlab.sessions.model import Array
+from fingerlab.sessions.model import CABLE_SIGN, Array
 
 WINDING_TRAVELS_DEG = (0.15, 0.21, 0.3, 0.42, 0.6, 0.84)
 """Travel over which friction of motor or sheath reverses by 63 %, degrees at the pulley: from a few steps of
@@ -72,11 +72,9 @@ def driven_tension(motion: Motion, shape: Shape) -> Array:
     return motion.remember(("driven", *kept.values()), driven)
 
 
-CABLES = {"extension": -1, "flexion": 1}
-"""Each has a sheath of its own: on the back of the hand a cable bends over the knuckles, in the palm it may
-run nearly straight."""
-SHARES = {f"share_{cable}": (f"capstan_friction.{cable}",) for cable in CABLES}
-"""Numbers of a shape that tell the share of the tension that each cable's sheath takes."""
+SHARES = {f"share_{cable}": (f"capstan_friction.{cable}",) for cable in CABLE_SIGN}
+"""Numbers of a shape that tell the share of the tension that each cable's sheath takes, which is its own: on
+the back of the hand a cable bends over the knuckles, in the palm it may run nearly straight."""
 MOST_SHARE = 0.7
 """Of the tension; friction of 0.2 over 350 degrees of bends, assumed."""
 LEAST_TRAVEL = 0.05
@@ -103,7 +101,7 @@ def sheath_loss(motion: Motion, shape: Shape, cable: str) -> Array:
     sharpness, held = shape.get("sharpness", 0.0), bool(shape.get("held", 0.0))
 
     def lost() -> Array:
-        if motion.cable_sign != CABLES[cable]:
+        if motion.cable_sign != CABLE_SIGN[cable]:
             return nothing(len(motion.position))
         tension = driven_tension(motion, shape)
         if not held:

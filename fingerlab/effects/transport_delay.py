@@ -20,6 +20,7 @@ EFFECT = Effect(
     reveal="a chirp, in which a delay grows with frequency",
     mend="Sample all channels by one clock, with the same filters; a slower motion makes it smaller.",
     special="delay",
+    followed={"delay": "Delay"},
     follows={LATE: ("delay",)},
     formula=Formula(
         equation=r"\theta_j^{\text{rec}}(t) = \theta_j(t-d),\qquad F^{\text{rec}}(t) = F(t-d)",

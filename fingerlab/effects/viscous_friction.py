@@ -25,6 +25,7 @@ EFFECT = Effect(
     explanation="The missing torque grows in proportion to joint speed and changes sign with it.",
     reveal="sines at two frequencies, 0.5 and 2 Hz, with the same amplitude",
     mend="Use a thinner grease in the hinges, or move more slowly.",
+    followed={"viscous_mcp": "MCP friction, viscous", "viscous_pip": "PIP friction, viscous"},
     formula=Formula(
         equation=r"\tau_j = B_j\,\dot\theta_j",
         symbols="B_j: viscous coefficient of joint j.",

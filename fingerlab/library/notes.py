@@ -139,7 +139,7 @@ class Notebook:
 
 
 @dataclass(frozen=True)
-class Verdict:
+class StoredVerdict:
     """A session's diagnosis as a table of ``fingerlab batch`` holds it.
 
     Attributes:
@@ -159,7 +159,7 @@ class Verdict:
     first: float | None = None
 
 
-def find_verdicts(folder: Path, facts: Sequence[SessionFacts]) -> dict[Path, Verdict]:
+def find_verdicts(folder: Path, facts: Sequence[SessionFacts]) -> dict[Path, StoredVerdict]:
     """The newest verdict on each session, from every batch table in the folder itself.
 
     A table names its sessions relative to the folder it was made of. That folder is looked for where it
@@ -170,7 +170,7 @@ def find_verdicts(folder: Path, facts: Sequence[SessionFacts]) -> dict[Path, Ver
         (p for p in folder.glob("*.parquet*") if p.suffix == (".parts" if p.is_dir() else ".parquet")),
         key=lambda p: p.stat().st_mtime,
     )
-    found: dict[Path, Verdict] = {}
+    found: dict[Path, StoredVerdict] = {}
     if not tables:
         return {}
     from fingerlab.batch.table import Parts, read_table  # slow to import, and most folders hold no table
@@ -200,11 +200,11 @@ def _place(path: Path) -> str:
     return str(path.resolve())
 
 
-def verdict_of(row: Row, table: Path, outdated: bool = False) -> Verdict | None:
+def verdict_of(row: Row, table: Path, outdated: bool = False) -> StoredVerdict | None:
     """What a row of a batch's table says; None where the session could not be diagnosed."""
     if not row.get("verdict"):
         return None  # it could not be diagnosed; the table says why
-    return Verdict(
+    return StoredVerdict(
         str(row["verdict"]),
         tuple(str(effect) for effect in row.get("set") or ()),
         row.get("probability"),

@@ -17,7 +17,7 @@ from fingerlab.core.errors import UserError
 from fingerlab.models.file import SavedModel
 from fingerlab.physics.nominal import JointMotion, contact_lever_pip, pip_torque, tension
 from fingerlab.rig.file import Rig
-from fingerlab.sessions.model import Array
+from fingerlab.sessions.model import CABLE_SIGN, Array
 
 HALF_WINDOW_S = 0.04
 """h: a parabola follows 3 Hz to within 10 % in acceleration and takes the sensors' noise down (assumed)."""
@@ -31,8 +31,6 @@ ERROR_S = 3.0
 
 FEWEST = 500
 """Moving samples before a running fit says anything: half a second at 1 kHz (assumed)."""
-
-CABLE_SIGN = {"extension": -1, "flexion": 1}
 
 NAN = float("nan")
 

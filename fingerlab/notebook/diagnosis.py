@@ -90,7 +90,7 @@ class DiagnosisView(Displayed):
     @property
     def verdict(self) -> str:
         """``missing_effect``, ``nothing_missing`` or ``not_in_catalogue``."""
-        return self.result.verdict
+        return str(self.result.verdict)
 
     @property
     def missing(self) -> tuple[str, ...]:

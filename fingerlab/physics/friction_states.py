@@ -10,11 +10,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
-from fingerlab.sessions.model import Array
+from fingerlab.sessions.model import Array, BoolArray
 
-BoolArray = npt.NDArray[np.bool_]
 BLOCK = 32
 """Samples of a block."""
 FORGOTTEN = 1e-15

@@ -125,13 +125,6 @@ def cable_wound(motor: Motor, motor_position: Array) -> Array:
     return _pulley_radius(motor) * motor_position
 
 
-def cable_length(
-    cable_sign: int, moment_arm_mcp: float, moment_arm_pip: float, mcp: Array, pip: Array
-) -> Array:
-    """Cable that the joints call for, without offset: s (a theta1 + b theta2), m, shape (n,)."""
-    return np.asarray(cable_sign * (moment_arm_mcp * mcp + moment_arm_pip * pip))
-
-
 def endpoint_force(
     joint_lhs: Array, cable_sign: int, moment_arm: float, loss: float, cable_tension: Array, lever: Array
 ) -> Array:
@@ -144,11 +137,6 @@ def endpoint_force(
         cable_tension: T, N. lever: of the contact force about the joint, m.
     """
     return (cable_sign * moment_arm * cable_tension + loss - joint_lhs) / lever
-
-
-def motor_bench_torque(inertia: float, gain: float, offset: float, acceleration: Array, load: Array) -> Array:
-    """Nominal torque of a motor-bench run, N m, shape (n,): J * acceleration + gain * load + offset."""
-    return inertia * acceleration + gain * load + offset
 
 
 def _pulley_radius(motor: Motor) -> float:

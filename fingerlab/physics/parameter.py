@@ -20,8 +20,6 @@ class Role(Enum):
     """A strength of an effect: it multiplies a column."""
     NUISANCE = "nuisance of the bench"
     """Open in every model, with one value in all runs of a session, or one for each cable routing."""
-    NUISANCE_OF_RUN = "nuisance of a run"
-    """Open in every model, with a value of its own in each run."""
     SHAPE = "shape"
     """Nonlinear: tried at the points of a grid, one after the other."""
 

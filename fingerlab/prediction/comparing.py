@@ -11,8 +11,8 @@ from threadpoolctl import threadpool_limits
 
 from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress, Watch
+from fingerlab.diagnosis.answer.error_parts import EquationError
 from fingerlab.diagnosis.answer.errors import equation_errors
-from fingerlab.diagnosis.answer.results import EquationError
 from fingerlab.diagnosis.diagnose import settle_constants
 from fingerlab.diagnosis.equations.model import Choice, Model
 from fingerlab.diagnosis.equations.parameters import ARMS, CABLE_OFFSET
@@ -26,15 +26,8 @@ from fingerlab.diagnosis.settings import NARROW_RATE_HZ
 from fingerlab.diagnosis.signals.scales import Scales, find_scales
 from fingerlab.effects.base import Effect
 from fingerlab.models.file import DIAGNOSIS_METHOD, SavedModel
-from fingerlab.prediction.extended import (
-    ChosenEffect,
-    ExtendedModel,
-    ForceNumbers,
-    Variant,
-    extended_model,
-    fine_grid,
-    judge_stretches,
-)
+from fingerlab.prediction.error_band import ForceNumbers, fine_grid, judge_stretches
+from fingerlab.prediction.extended import ChosenEffect, ExtendedModel, Variant, extended_model
 from fingerlab.prediction.predict import RunPrediction, predict_extended, predict_variant, swept
 from fingerlab.sessions import content_hash
 from fingerlab.sessions.model import Array, Session
@@ -239,7 +232,7 @@ class RunForce:
 
 
 @dataclass(frozen=True)
-class Beside:
+class ModelForces:
     """Predictors (``FILE: what``) in the order of the files, each with its runs by name.
 
     ``preferred`` are those to look at first: of a fit the PIP equation with extension's parameters, as the
@@ -262,7 +255,7 @@ class _Given:
 
 def predict_beside(
     session: Session, models: Mapping[str, SavedModel], progress: Progress | None = None
-) -> Beside:
+) -> ModelForces:
     """Predict every contact run with every model.
 
     Args:
@@ -296,7 +289,7 @@ def predict_beside(
     for file in models:
         ours = {n: s for n, s in given.sets.items() if n.startswith(f"{file}: ")}
         preferred += _preferred(ours, runs[0].cable)
-    return Beside(session.path, tuple(names), tuple(preferred), forces)
+    return ModelForces(session.path, tuple(names), tuple(preferred), forces)
 
 
 def _preferred(sets: Mapping[str, ParameterSet], cable: str) -> list[str]:

@@ -20,13 +20,14 @@ import numpy as np
 
 from fingerlab.core.errors import UserError
 from fingerlab.core.text import amount
-from fingerlab.diagnosis.settings import WIDE_RATE_HZ
+from fingerlab.diagnosis.settings import WIDE_RATE_HZ, Z90
 from fingerlab.diagnosis.signals.filters import low_pass_kernel
 from fingerlab.diagnosis.signals.scales import reduced_rig, reduced_run
 from fingerlab.diagnosis.signals.segments import segments_of
 from fingerlab.physics.motion import Motion
 from fingerlab.physics.nominal import JointMotion
-from fingerlab.prediction.extended import ExtendedModel, Variant, force_rate
+from fingerlab.prediction.error_band import force_rate
+from fingerlab.prediction.extended import ExtendedModel, Variant
 from fingerlab.prediction.force import forces_of_motion, wound_beyond
 from fingerlab.prediction.inverse import LEAD_S, TorquePlan, judged_plan, needed_torque, solved_torque
 from fingerlab.prediction.target import ContactPose, WantedForce
@@ -55,8 +56,6 @@ LEAST_SHARE = 0.1
 LEAST_GAIN = 0.1
 """Share by which a practice has to miss less with the found torque, for any of it to be sent (assumed: two
 runs of one bench differ by less)."""
-SIGMAS_90 = 1.645
-"""Half the 90 % interval of a normal distribution, in standard deviations."""
 
 
 def learned_in(run: Run) -> float:
@@ -101,7 +100,7 @@ class Along:
         """Torque that presses with the wanted force, and its half width, N m, (n,) each over ``wanted.time``.
 
         Args:
-            trim: N, by which this variant foretells more than was measured, throughout.
+            trim: N, by which this variant predicts more than was measured, throughout.
 
         Raises:
             UserError: there is none.
@@ -120,7 +119,7 @@ class Along:
         return np.asarray(torque), band.half_width(force, force_rate(force, WIDE_RATE_HZ)) / newtons
 
     def force(self, torque: Array) -> Array:
-        """Force that this variant foretells of a torque (N m over ``wanted.time``), N, (n,)."""
+        """Force that this variant predicts of a torque (N m over ``wanted.time``), N, (n,)."""
         scales = self._variant.scales
         late = np.interp(self._time - self._delay, self._wanted.time, torque)
         force = scales.of("N") * self._predicted(late / scales.torque)
@@ -212,11 +211,11 @@ def calmed(motion: Motion, cutoff_hz: float) -> Motion:
 
 @dataclass(frozen=True)
 class Feed:
-    """What one model sends, and what is foretold of it.
+    """What one model sends, and what is predicted of it.
 
     Attributes:
         model: ``NOMINAL`` or ``FOUND``.
-        predicted_rms: force error that the found model foretells, with its own error on held-out runs, N; NaN
+        predicted_rms: force error that the found model predicts, with its own error on held-out runs, N; NaN
             where that is unknown.
         correction: most by which the torque leaves the nominal one, N m.
     """
@@ -260,7 +259,7 @@ def learned_plan(
 
     Args:
         pose: of the contact, by which motor position and sentences are told.
-        trim: N, by which the variant foretells more than is measured, throughout.
+        trim: N, by which the variant predicts more than is measured, throughout.
 
     Raises:
         UserError: no torque presses with the wanted force.
@@ -271,7 +270,7 @@ def learned_plan(
 
 
 def predicted_mean(variant: Variant, plan: TorquePlan, run: Run, rig: Rig, where: str) -> float:
-    """Mean force that a variant foretells of the torque that was sent in ``run``, along its motion, N."""
+    """Mean force that a variant predicts of the torque that was sent in ``run``, along its motion, N."""
     return float(np.mean(Along(variant, plan.wanted, run, rig, where).force(plan.torque)))
 
 
@@ -306,7 +305,7 @@ def between(nominal: TorquePlan, found: TorquePlan, share: float, rig: Rig) -> T
 def own_error(model: ExtendedModel) -> float:
     """Error of the found model on held-out runs, one standard deviation, N; NaN where it is unknown."""
     band = model.extended.band
-    return math.nan if band is None else float(np.mean(band.widths)) / SIGMAS_90
+    return math.nan if band is None else float(np.mean(band.widths)) / Z90
 
 
 def judged_feed(
@@ -319,7 +318,7 @@ def judged_feed(
     where: str,
     trim: float = 0.0,
 ) -> Feed:
-    """A plan with what the found model foretells of it along the motion of ``run``.
+    """A plan with what the found model predicts of it along the motion of ``run``.
 
     Args:
         trim: N, of the found model.

@@ -21,18 +21,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fingerlab.core.errors import UserError
-from fingerlab.diagnosis.equations.coefficients import (
-    CABLE_NAMES,
-    DELAY,
-    Coefficients,
-    delay_weights,
-    key_of,
-    scale_key,
-)
+from fingerlab.diagnosis.equations.coefficients import DELAY, Coefficients, delay_weights, key_of, scale_key
 from fingerlab.diagnosis.equations.features import (
     SHIFT_SAMPLES,
     SLOPE,
-    BoolArray,
     Feature,
     base_columns,
     shifted_columns,
@@ -46,7 +38,7 @@ from fingerlab.diagnosis.signals.segments import segments_of
 from fingerlab.effects.base import Effect, Row
 from fingerlab.effects.transmission import as_effects_see_it
 from fingerlab.physics.motion import TOUCHING_FORCE_N, Motion, tip_depth
-from fingerlab.sessions.model import Array, Run, Session
+from fingerlab.sessions.model import CABLE_NAMES, Array, BoolArray, Run, Session
 from fingerlab.sessions.trajectory import named_frequency
 from fingerlab.signals.periods import MINIMUM_PERIODS, PeriodGrid, settles
 
@@ -302,11 +294,11 @@ def _check(features: Sequence[Feature], cable: str, values: Mapping[str, float],
                 f"The effect '{feature.owner}' puts a term of scale '{feature.scale}' into a joint's "
                 "equation; its terms there should be of scale 'joint' or 'direct'."
             )
-        if feature.owner is not None and not feature.borrowed and key and key not in values:
+        if feature.owner is not None and not feature.shares_nuisance and key and key not in values:
             raise UserError(
                 f"{where} lacks the value of '{key}'; save the model again with 'diagnose --save'."
             )
-        own = [key] if feature.routed else []
+        own = [key] if feature.per_cable else []
         if any(one and one not in values for one in [*own, scale_key(feature, cable)]):
             raise UserError(
                 f"{where} was not fitted with the {cable} cable; fit a model to a session that has runs "

@@ -18,14 +18,15 @@ import numpy as np
 
 from fingerlab.acquisition.control.motion import most_torque
 from fingerlab.core.errors import UserError
-from fingerlab.core.text import amount, significant
+from fingerlab.core.text import LEVEL, amount, significant
 from fingerlab.diagnosis.equations.parameters import SET_DOWN
 from fingerlab.diagnosis.settings import WIDE_RATE_HZ
 from fingerlab.diagnosis.signals.scales import reduced_motion
 from fingerlab.models.file import DIAGNOSIS_METHOD, SavedModel
 from fingerlab.physics import nominal
 from fingerlab.physics.motion import Motion, tip_reach
-from fingerlab.prediction.extended import MOST_STRETCH, Band, Variant, extended_model, force_rate
+from fingerlab.prediction.error_band import MOST_STRETCH, Band, force_rate
+from fingerlab.prediction.extended import Variant, extended_model
 from fingerlab.prediction.force import forces_of_motion
 from fingerlab.prediction.target import ContactPose, WantedForce, words_of
 from fingerlab.rig.file import Rig
@@ -364,7 +365,7 @@ def plan_json(plan: TorquePlan) -> dict[str, Any]:
         "pose": {"source": plan.pose.source, "cable": plan.pose.cable, **words_of(plan.pose)},
         "force": {"unit": "N", "low": float(plan.force.min()), "high": float(plan.force.max())},
         "torque": {"unit": "N m", "low": float(plan.torque.min()), "high": float(plan.torque.max())},
-        "interval": {"level": 0.9, "low": low, "high": high} if known else None,
+        "interval": {"level": LEVEL, "low": low, "high": high} if known else None,
         "current": {"unit": "A", "low": float(plan.current.min()), "high": float(plan.current.max())},
         "limit": {"torque": plan.torque_limit, "current": plan.current_limit},
         "beyond": list(plan.beyond),

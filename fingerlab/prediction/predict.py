@@ -24,24 +24,19 @@ from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.search.grid_refinement import fit_refined
 from fingerlab.diagnosis.settings import FULL_ITERATIONS, NARROW_RATE_HZ
-from fingerlab.diagnosis.signals.conditions import GroupKey, deal_runs, group_key, runs_to_analyse
+from fingerlab.diagnosis.signals.conditions import GroupKey, folds_of_runs, group_key, runs_to_analyse
 from fingerlab.effects import effect
-from fingerlab.models.file import ParameterEstimate, hash_sessions
-from fingerlab.prediction.extended import (
-    EQUATIONS,
+from fingerlab.models.file import hash_sessions
+from fingerlab.prediction.error_band import (
     Band,
-    ChosenEffect,
-    Equation,
-    ExtendedModel,
     ForceNumbers,
-    HeldOut,
     RunError,
-    Variant,
     calibrate,
     error_of,
     force_rate,
     judge_stretches,
 )
+from fingerlab.prediction.extended import EQUATIONS, ChosenEffect, Equation, ExtendedModel, HeldOut, Variant
 from fingerlab.prediction.force import contact_stretches, solved_forces
 from fingerlab.sessions import content_hash
 from fingerlab.sessions.model import Array, Session
@@ -339,20 +334,20 @@ def _fit(
         scorer, whole = fit_refined(reduction, chosen, watch)
         tell(0.6, "fitting")
         nominal = scorer.fit([], scorer.fit([], whole), FULL_ITERATIONS)
-        trials = [_first(scorer, whole, count) for count in counts]
+        models = [_first(scorer, whole, count) for count in counts]
         hashes = hash_sessions(sessions)
         names = [h.sha256 for h in hashes]
         by_session = {s.path: sha256 for s, sha256 in zip(sessions, names, strict=True)}
         folds = _contact_folds(scorer, reduction.sessions, by_session)
         done: list[Variant] = []
-        for number, trial in enumerate([nominal, *(t for t in trials if t.choices)]):
-            tell(0.7 + 0.3 * number / (len(trials) + 1), "calibrating the interval")
-            done.append(_calibrated(_variant(scorer, trial, folds), sessions, by_session))
-        parameters = [_estimates(scorer.score_held_out(trial)) for trial in trials]
+        for number, fitted in enumerate([nominal, *(t for t in models if t.choices)]):
+            tell(0.7 + 0.3 * number / (len(models) + 1), "calibrating the interval")
+            done.append(_calibrated(_variant(scorer, fitted, folds), sessions, by_session))
+        parameters = [every_parameter(t, t.temperature()) for t in map(scorer.score_held_out, models)]
     plain, extended, rig = done[0], iter(done[1:]), sessions[0].rig.to_json()
     return tuple(
         ExtendedModel(next(extended) if t.choices else plain, plain, found, hashes, dict(held or {}), rig)
-        for t, found in zip(trials, parameters, strict=True)
+        for t, found in zip(models, parameters, strict=True)
     )
 
 
@@ -373,11 +368,11 @@ class _LeftOut:
 
 
 def _contact_folds(scorer: Scorer, sessions: Sequence[Session], hashes: Mapping[Path, str]) -> list[_LeftOut]:
-    """Contact runs as :func:`deal_runs` dealt them to folds; none of a group with a single fold."""
+    """Contact runs as :func:`folds_of_runs` dealt them to folds; none of a group with a single fold."""
     names = {g.key: [f.runs for f in g.folds] for g in scorer.reduced.groups}
     pairs = runs_to_analyse(sessions)[0]
     dealt: dict[tuple[GroupKey, int], list[tuple[str, str]]] = {}
-    for (session, run), k in zip(pairs, deal_runs([run for _, run in pairs])[1], strict=True):
+    for (session, run), k in zip(pairs, folds_of_runs([run for _, run in pairs])[1], strict=True):
         key = group_key(run)
         if run.name not in names[key][k]:
             raise AssertionError(f"run {run.name} is not in fold {k} of {key}")
@@ -386,40 +381,35 @@ def _contact_folds(scorer: Scorer, sessions: Sequence[Session], hashes: Mapping[
     return [_LeftOut(key, k, tuple(runs)) for (key, k), runs in dealt.items()]
 
 
-def _fitted_without(scorer: Scorer, trial: FittedModel, out: _LeftOut) -> FittedModel:
+def _fitted_without(scorer: Scorer, fitted: FittedModel, out: _LeftOut) -> FittedModel:
     """The same model fitted to all runs but those of one fold, under the same weights."""
     groups = [g.without(out.fold) if g.key == out.key else g for g in scorer.reduced.groups]
-    return Scorer(replace(scorer.reduced, groups=groups)).fit(trial.model.choices, trial, FULL_ITERATIONS)
+    return Scorer(replace(scorer.reduced, groups=groups)).fit(fitted.model.choices, fitted, FULL_ITERATIONS)
 
 
-def _variant(scorer: Scorer, trial: FittedModel, folds: Sequence[_LeftOut]) -> Variant:
+def _variant(scorer: Scorer, fitted: FittedModel, folds: Sequence[_LeftOut]) -> Variant:
     held_out = []
     for out in folds:
-        values = _by_key(_fitted_without(scorer, trial, out))
+        values = _by_key(_fitted_without(scorer, fitted, out))
         for session in dict.fromkeys(sha for sha, _ in out.runs):
             held_out.append(HeldOut(session, tuple(name for sha, name in out.runs if sha == session), values))
-    effects = tuple(ChosenEffect(effect(c.effect.id), _shape(trial, c)) for c in trial.model.choices)
-    score = scorer.score_held_out(trial).score
-    return Variant(effects, _by_key(trial), tuple(held_out), score, scales=trial.model.layout.scales)
+    effects = tuple(ChosenEffect(effect(c.effect.id), _shape(fitted, c)) for c in fitted.model.choices)
+    score = scorer.score_held_out(fitted).score
+    return Variant(effects, _by_key(fitted), tuple(held_out), score, scales=fitted.model.layout.scales)
 
 
-def _shape(trial: FittedModel, choice: Choice) -> dict[str, float]:
+def _shape(fitted: FittedModel, choice: Choice) -> dict[str, float]:
     """The shape of one of the model's effects, SI."""
-    one, of = choice.effect, trial.model.layout.scales.of
+    one, of = choice.effect, fitted.model.layout.scales.of
     if not len(one.shapes):
         return {}
     return {k: float(v) * of(one.shape_units.get(k, "1")) for k, v in one.shapes[choice.shape].items()}
 
 
-def _by_key(trial: FittedModel) -> dict[str, float]:
+def _by_key(fitted: FittedModel) -> dict[str, float]:
     """Values of the unknowns by key, SI."""
-    of = trial.model.layout.scales.of
-    return {u.key: trial.values[u.key] * of(u.parameter.unit) for u in trial.model.unknowns}
-
-
-def _estimates(trial: FittedModel) -> dict[str, ParameterEstimate]:
-    """All unknowns with 90 % intervals, as the diagnosis tells them."""
-    return every_parameter(trial, trial.temperature())
+    of = fitted.model.layout.scales.of
+    return {u.key: fitted.values[u.key] * of(u.parameter.unit) for u in fitted.model.unknowns}
 
 
 def _calibrated(variant: Variant, sessions: Sequence[Session], hashes: Mapping[Path, str]) -> Variant:

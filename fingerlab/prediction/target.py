@@ -20,7 +20,6 @@ key                meaning (default)
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,13 +30,13 @@ import numpy as np
 from fingerlab.acquisition.control.trajectories import FORCE, WAVES, with_points
 from fingerlab.core.errors import UserError
 from fingerlab.core.files import read_text
-from fingerlab.core.plain_data import read_object
+from fingerlab.core.plain_data import is_number, read_object
 from fingerlab.diagnosis.settings import SETTLING_S, WIDE_RATE_HZ
 from fingerlab.diagnosis.signals.scales import SI, Scales
 from fingerlab.physics.motion import TOUCHING_FORCE_N, Motion
 from fingerlab.physics.nominal import JointMotion
 from fingerlab.rig.file import Rig
-from fingerlab.sessions.model import Array, Run
+from fingerlab.sessions.model import CABLE_SIGN, Array, Run
 
 KINDS = ("sine", "ramp_hold", "steps", "file")
 DEFAULTS = {"frequency_hz": 0.5, "rise_s": 0.3, "duration_s": 20.0}
@@ -104,7 +103,7 @@ def _number(settings: Mapping[str, Any], name: str, where: str) -> float:
     value = settings.get(name)
     if value is None:
         raise UserError(f"{where} lacks {name!r}, a number.")
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+    if not is_number(value):
         raise UserError(f"{where} has {name!r} = {value!r}; it should be a finite number.")
     return float(value)
 
@@ -133,7 +132,7 @@ class ContactPose:
     @property
     def cable_sign(self) -> int:
         """s of the nominal equations."""
-        return {"flexion": 1, "extension": -1}[self.cable]
+        return CABLE_SIGN[self.cable]
 
     def motion(self, rig: Rig, time: Array, force: Array, torque: Array) -> Motion:
         """The motion that a force (N, (n,)) at ``time`` and a motor torque (N m, (n,)) make of it.
@@ -188,7 +187,7 @@ def pose_of_run(run: Run, scales: Scales = SI) -> ContactPose:
 
 def pose_by_hand(mcp: float, pip: float, cable: str = "flexion") -> ContactPose:
     """A finger that stands still at two joint angles (rad), pressed by a stiff cable of that kind."""
-    if cable not in ("flexion", "extension"):
+    if cable not in CABLE_SIGN:
         raise UserError(f"The cable is {cable!r}; it should be 'flexion' or 'extension'.")
     return ContactPose(cable, (mcp, 0.0), (pip, 0.0), None, "by hand")
 

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from fingerlab.core.errors import UserError
+from fingerlab.core.text import LEVEL
 from fingerlab.diagnosis.settings import WIDE_RATE_HZ
-from fingerlab.prediction.extended import LEVEL
 from fingerlab.prediction.feed_forward import FOUND, NOMINAL, smooth, thinned
 from fingerlab.prediction.target import WantedForce
 from fingerlab.sessions.model import Array, Run, Session
@@ -80,7 +80,7 @@ def force_error(run: Run, wanted: WantedForce, lead_s: float | None = None) -> F
 
 @dataclass(frozen=True)
 class TrialRun:
-    """One run that counts: name, which model, its error, and the rms that was foretold (N; NaN: none)."""
+    """One run that counts: name, which model, its error, and the rms that was predicted (N; NaN: none)."""
 
     run: str
     model: str
@@ -124,7 +124,7 @@ class Trial:
         model_file, effects: of the model. nominal, found: the latter None where one model was sent, either.
         ratio: force error (rms) of the found model over the nominal one's; NaN without both.
         low, high: its 90 % interval; NaN with fewer than two pairs.
-        predicted_ratio: as the found model foretold it.
+        predicted_ratio: as the found model predicted it.
         found_share: how far from the nominal torque to the found one was gone, 0 to 1; NaN without either.
     """
 

@@ -7,8 +7,10 @@ from dataclasses import dataclass
 from math import sqrt
 
 from fingerlab.core.text import decimals_for, fixed, percent, screen_unit, with_minus
-from fingerlab.diagnosis.answer.results import Budget, BudgetPart, Diagnosis
+from fingerlab.diagnosis.answer.error_parts import Budget, BudgetPart
+from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.diagnosis.equations.parameters import ARMS
+from fingerlab.diagnosis.score.calibration import Verdict
 from fingerlab.effects import find_effect
 from fingerlab.report.diagnosis_words import FAMILY_TITLES, effect_title, in_sentence, judged_on, run_proposed
 from fingerlab.report.parameter_words import parameter_title
@@ -226,7 +228,7 @@ def mending_sentence(diagnosis: Diagnosis) -> str:
 
 def _for_nothing(diagnosis: Diagnosis, part: BudgetLine) -> bool:
     """Whether the verdict takes a part for too small to be told: then it is not called worth mending."""
-    return diagnosis.verdict == "nothing_missing" and part.kind == "unknown"
+    return diagnosis.verdict == Verdict.NOTHING_MISSING and part.kind == "unknown"
 
 
 def _held_for_nothing(budget: Budget, title: str) -> str:

@@ -12,16 +12,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from fingerlab.core.text import ScreenUnit, screen_unit, with_minus
-from fingerlab.diagnosis.answer.results import (
-    EQUATION_TITLES,
-    Budget,
-    Comparison,
-    Diagnosis,
-    Failure,
-    Fingerprint,
-    PathStep,
-)
-from fingerlab.diagnosis.answer.where import Profile, profile
+from fingerlab.diagnosis.answer.error_parts import Budget, Comparison, equation_of
+from fingerlab.diagnosis.answer.residual_profiles import Profile, profile
+from fingerlab.diagnosis.answer.results import Diagnosis, Failure, Fingerprint, PathStep
 from fingerlab.report.budget_words import budget_lines, main_family
 from fingerlab.report.diagnosis_words import (
     FAMILY_TITLES,
@@ -138,7 +131,7 @@ def comparison_figure(shown: DrawnStretch, failure: Failure | None = None) -> Fi
     above.plot(time, unit.factor * measured, color=MEASURED, lw=1.6, label="measured")
     above.plot(time, unit.factor * modelled, color=MODELLED, lw=1.3, ls="--", label="modelled")
     _keep_in_sight(above, unit.factor * measured, unit.factor * modelled, unit)
-    label(above, "", unit.label(QUANTITIES.get(one.equation, "value")))
+    label(above, "", unit.label(in_sentence(equation_of(one.equation).quantity)))
     residual = measured - modelled
     small = screen_unit(one.unit, max(_largest(residual), one.floor))
     floor = small.factor * one.floor
@@ -153,17 +146,6 @@ def comparison_figure(shown: DrawnStretch, failure: Failure | None = None) -> Fi
     figure.align_ylabels()
     legend_below(figure, named_handles(above) | named_handles(below))
     return figure
-
-
-QUANTITIES = {
-    "mcp_torque": "MCP torque",
-    "pip_torque": "PIP torque",
-    "cable_kinematics": "cable wound",
-    "motor_torque": "motor torque",
-    "endpoint_force_pip": "endpoint force",
-    "endpoint_force_mcp": "endpoint force",
-}
-"""What the vertical axis of each comparison shows."""
 
 
 def _round_ticks(*figure_axes: Axes) -> None:
@@ -216,7 +198,7 @@ def fingerprint_figure(print_: Fingerprint, title: str) -> Figure:
         label="residual, 90 % interval",
     )  # fmt: skip
     axes.plot(x, up.factor * print_.curve, color=CANDIDATE, lw=1.6, label=in_sentence(title))
-    quantity = QUANTITIES.get(print_.equation, EQUATION_TITLES.get(print_.equation, print_.equation))
+    quantity = in_sentence(equation_of(print_.equation).quantity)
     label(axes, across.label(print_.coordinate), up.label(f"residual, {quantity}"))
     _round_ticks(axes)
     legend_below(figure, dict(reversed(named_handles(axes).items())))

@@ -18,8 +18,11 @@ from fingerlab.core.text import (
     significant,
 )
 from fingerlab.core.text import in_sentence as in_sentence
-from fingerlab.diagnosis.answer.results import Candidate, Comparison, Diagnosis, Failure, OtherModel
-from fingerlab.diagnosis.answer.where import COORDINATES, JOINTS, Profile
+from fingerlab.core.text import listed as listed
+from fingerlab.diagnosis.answer.error_parts import Comparison
+from fingerlab.diagnosis.answer.residual_profiles import COORDINATES, JOINTS, Profile
+from fingerlab.diagnosis.answer.results import Candidate, Diagnosis, Failure, OtherModel
+from fingerlab.diagnosis.score.calibration import Verdict
 from fingerlab.diagnosis.settings import LACK_OF_FIT
 from fingerlab.effects import find_effect
 from fingerlab.report.parameter_words import held_words
@@ -81,11 +84,6 @@ def effect_title(effect: str) -> str:
     return effect.replace("_", " ").capitalize() if one is None else one.title
 
 
-def listed(words: Sequence[str]) -> str:
-    """``a``, ``a and b``, ``a, b and c``."""
-    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else list(words))
-
-
 def called(diagnosis: Diagnosis, effect: str) -> str:
     """An effect's title as it was found in these recordings: what goes once a turn is a weight, no ripple.
 
@@ -122,12 +120,12 @@ def model_words(model: Sequence[str], diagnosis: Diagnosis | None = None) -> str
 
 def suspects(diagnosis: Diagnosis) -> tuple[str, ...]:
     """Ids of the effects one of which is missing, as far as these data can tell; none where nothing is."""
-    return () if diagnosis.verdict == "nothing_missing" else diagnosis.set
+    return () if diagnosis.verdict == Verdict.NOTHING_MISSING else diagnosis.set
 
 
 def not_shown(diagnosis: Diagnosis) -> tuple[str, ...]:
     """Where nothing is missing: ids of the effects that may be there all the same, unseen in these data."""
-    return diagnosis.set if diagnosis.verdict == "nothing_missing" else ()
+    return diagnosis.set if diagnosis.verdict == Verdict.NOTHING_MISSING else ()
 
 
 def left_open(diagnosis: Diagnosis) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -157,7 +155,7 @@ def hidden_sentence(diagnosis: Diagnosis) -> str:
 def would_show(diagnosis: Diagnosis) -> tuple[str, ...]:
     """Ids of the effects that the proposed run is about; the two outcomes that are no effect are left out."""
     proposal = diagnosis.next_experiment or {}
-    outcomes = ("nothing_missing", "not_in_catalogue")
+    outcomes = (Verdict.NOTHING_MISSING, Verdict.NOT_IN_CATALOGUE)
     return tuple(str(one) for one in proposal.get("separates") or () if one not in outcomes)
 
 
@@ -220,7 +218,7 @@ def _verdict_sentence(diagnosis: Diagnosis) -> str:
         judged = rival(diagnosis)
         chance = f"{percent(judged.probability)} probable, and " if judged is not None else ""
         return f"{better_sentence(diagnosis)} It is {chance}{_likelier(diagnosis.better.log_odds)}."
-    if diagnosis.verdict == "nothing_missing":
+    if diagnosis.verdict == Verdict.NOTHING_MISSING:
         more = "Nothing more" if diagnosis.model else "Nothing"
         chance = percent(diagnosis.probability_nothing)
         hider = could_hide(diagnosis)
@@ -241,7 +239,7 @@ def _verdict_sentence(diagnosis: Diagnosis) -> str:
             f"{more} is missing from {model}{seen} ({chance} probable): {error}, and 1 is the best that "
             "can be."
         )
-    if diagnosis.verdict == "not_in_catalogue" or not diagnosis.candidates:
+    if diagnosis.verdict == Verdict.NOT_IN_CATALOGUE or not diagnosis.candidates:
         chance = percent(diagnosis.probability_unknown)
         return (
             f"Something is missing from {model} that is not in the catalogue ({chance} probable): {error}"
@@ -324,7 +322,7 @@ def improbable_rivals(diagnosis: Diagnosis) -> tuple[str, ...]:
 
 def could_hide(diagnosis: Diagnosis) -> Candidate | None:
     """Where nothing is missing: the likeliest effect, if it is likelier than that; None where it is not."""
-    if diagnosis.verdict != "nothing_missing" or not diagnosis.candidates:
+    if diagnosis.verdict != Verdict.NOTHING_MISSING or not diagnosis.candidates:
         return None
     likeliest = max(diagnosis.candidates, key=lambda one: one.probability)
     return likeliest if likeliest.probability > diagnosis.probability_nothing else None
@@ -332,7 +330,7 @@ def could_hide(diagnosis: Diagnosis) -> Candidate | None:
 
 def unsure(diagnosis: Diagnosis) -> bool:
     """Whether nothing is missing by the verdict, and that is less probable than that something is."""
-    return diagnosis.verdict == "nothing_missing" and diagnosis.probability_nothing < EVEN
+    return diagnosis.verdict == Verdict.NOTHING_MISSING and diagnosis.probability_nothing < EVEN
 
 
 EVEN = 0.5
@@ -341,7 +339,7 @@ EVEN = 0.5
 
 def holds(diagnosis: Diagnosis) -> bool:
     """Whether the model as given is all that these recordings call for, and leaves what a bench leaves."""
-    return diagnosis.verdict == "nothing_missing" and diagnosis.score <= UNEXPLAINED
+    return diagnosis.verdict == Verdict.NOTHING_MISSING and diagnosis.score <= UNEXPLAINED
 
 
 def rivalled(diagnosis: Diagnosis) -> bool:
@@ -419,7 +417,7 @@ def set_sentence(diagnosis: Diagnosis) -> str:
         unseen, seen = (called_in_sentence(diagnosis, names) for names in (hidden, weak))
         text += f" They could not have shown, at a plausible strength: {unseen}." if hidden else ""
         return f"{text} What they show of these is too weak to tell: {seen}." if weak else text
-    if diagnosis.set and diagnosis.verdict == "not_in_catalogue":
+    if diagnosis.set and diagnosis.verdict == Verdict.NOT_IN_CATALOGUE:
         names = called_in_sentence(diagnosis, diagnosis.set)
         return f"Stronger than is thought possible, it could still be one of these: {names}."
     besides = _outcomes_left_open(diagnosis)
@@ -437,7 +435,7 @@ def set_sentence(diagnosis: Diagnosis) -> str:
     if diagnosis.set:
         first = called(diagnosis, diagnosis.set[0])
         return f"{first} is told apart from every other effect of the catalogue.{besides}"
-    if diagnosis.verdict == "nothing_missing":
+    if diagnosis.verdict == Verdict.NOTHING_MISSING:
         return "No effect is called for, so there is nothing to tell apart."
     if worth_adding(diagnosis):
         return "What is left is of no effect of the catalogue, so there is nothing to tell apart."
@@ -455,11 +453,14 @@ def _judged(diagnosis: Diagnosis, effects: Sequence[str]) -> list[str]:
 
 def _outcomes_left_open(diagnosis: Diagnosis) -> str:
     """Where an effect is missing: which of the two other answers cannot be ruled out; empty where none."""
-    if diagnosis.calibration is None or diagnosis.verdict != "missing_effect":
+    if diagnosis.calibration is None or diagnosis.verdict != Verdict.MISSING_EFFECT:
         return ""
-    said = {"nothing_missing": "nothing is missing", "not_in_catalogue": "it is not in the catalogue"}
+    said = {
+        Verdict.NOTHING_MISSING: "nothing is missing",
+        Verdict.NOT_IN_CATALOGUE: "it is not in the catalogue",
+    }
     if diagnosis.score**2 - 1.0 > LACK_OF_FIT:  # so much is left by no bench that lacks nothing
-        del said["nothing_missing"]
+        del said[Verdict.NOTHING_MISSING]
     still = [words for name, words in said.items() if name in diagnosis.calibration.cannot_be_ruled_out]
     return f" Nor can it be ruled out that {' or that '.join(still)}." if still else ""
 
@@ -516,7 +517,7 @@ def how_to_add(diagnosis: Diagnosis) -> str:
         return ""
     it = "it" if len(added) == 1 else "them"
     text = f"To put {it} into the model: {_options((*diagnosis.model, *added))}"
-    if diagnosis.verdict != "missing_effect" or not diagnosis.candidates:
+    if diagnosis.verdict != Verdict.MISSING_EFFECT or not diagnosis.candidates:
         return text
     best = shown_best_first(diagnosis)[0]
     among_others = len(indistinguishable(diagnosis)) > 1 and added[0] in diagnosis.set
@@ -586,7 +587,7 @@ def next_experiment_sentence(diagnosis: Diagnosis) -> str | None:
             f"No run is known that would settle it: after the best, {run}, the chance that the true one "
             f"stands alone is {percent(alone)}."
         )
-    if diagnosis.verdict == "nothing_missing":
+    if diagnosis.verdict == Verdict.NOTHING_MISSING:
         return f"{text} The chance that the run settles that is {percent(alone)}."
     return f"{text} The chance that the true one then stands alone is {percent(alone)}."
 
@@ -604,10 +605,10 @@ def next_experiment_words(diagnosis: Diagnosis) -> str:
     sentence = next_experiment_sentence(diagnosis)
     if sentence is not None:
         return sentence
-    if diagnosis.verdict == "nothing_missing" and not not_shown(diagnosis):
+    if diagnosis.verdict == Verdict.NOTHING_MISSING and not not_shown(diagnosis):
         return "No further recording is called for."
     settled = diagnosis.better is None or diagnosis.better.log_odds > CLEARLY_BETTER
-    if diagnosis.verdict == "missing_effect" and len(diagnosis.set) < 2 and settled:
+    if diagnosis.verdict == Verdict.MISSING_EFFECT and len(diagnosis.set) < 2 and settled:
         return "No further recording is needed to tell what is missing."
     return "No recording is known that would tell more."
 
@@ -615,7 +616,7 @@ def next_experiment_words(diagnosis: Diagnosis) -> str:
 def _purpose_words(diagnosis: Diagnosis) -> str:
     """What the proposed run would tell; one that looks for what was not seen separates it from nothing."""
     effects = would_show(diagnosis)
-    if effects and diagnosis.verdict == "nothing_missing":
+    if effects and diagnosis.verdict == Verdict.NOTHING_MISSING:
         return f"It would show {called_in_sentence(diagnosis, effects)}, if there"
     if len(effects) > 1:
         first, others = (called_in_sentence(diagnosis, part) for part in (effects[:1], effects[1:]))

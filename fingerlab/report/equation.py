@@ -17,8 +17,8 @@ from fingerlab.prediction.extended import ChosenEffect, ExtendedModel
 from fingerlab.report.diagnosis_words import in_sentence
 from fingerlab.report.parameter_words import is_told, parameter_titles
 from fingerlab.rig.file import Finger, Motor, Rig
+from fingerlab.sessions.model import CABLE_SIGN
 
-SIGNS = {"extension": -1, "flexion": +1}
 ADDED_UP = "What the effects below give for one symbol is added up."
 
 
@@ -209,7 +209,7 @@ def _balance_part(found: Mapping[str, ParameterEstimate], with_effect: bool) -> 
     lines = []
     for cable in _routings(found):
         for joint, index in (("mcp", 1), ("pip", 2)):
-            arm = SIGNS[cable] * _value(found, f"arm_{joint}@{cable}")
+            arm = CABLE_SIGN[cable] * _value(found, f"arm_{joint}@{cable}")
             loss, trace = _value(found, f"loss_{joint}@{cable}"), _value(found, f"trace_{joint}")
             lines.append(
                 rf"\mathrm{{LHS}}_{index} = {latex(arm)}\,T {signed(loss)}"
@@ -262,7 +262,7 @@ def _contact_part(finger: Finger, found: Mapping[str, ParameterEstimate]) -> Ite
 def _cable_part(motor: Motor, found: Mapping[str, ParameterEstimate], with_effect: bool) -> EquationPart:
     lines = []
     for cable in _routings(found):
-        arms = [SIGNS[cable] * _value(found, f"arm_{joint}@{cable}") for joint in ("mcp", "pip")]
+        arms = [CABLE_SIGN[cable] * _value(found, f"arm_{joint}@{cable}") for joint in ("mcp", "pip")]
         stretch = [
             rf"{signed(_value(found, key))}\,{symbol}"
             for key, symbol in (("cable_compliance", "T"), ("cable_damping", r"\dot T"))
@@ -348,7 +348,7 @@ def _upper(title: str) -> str:
 
 
 def _routings(found: Mapping[str, ParameterEstimate]) -> list[str]:
-    return [cable for cable in SIGNS if f"arm_mcp@{cable}" in found]
+    return [cable for cable in CABLE_SIGN if f"arm_mcp@{cable}" in found]
 
 
 def _value(found: Mapping[str, ParameterEstimate], key: str) -> float:

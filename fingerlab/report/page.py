@@ -18,13 +18,13 @@ from fingerlab.core.errors import UserError
 from fingerlab.core.files import OutputSet
 from fingerlab.core.progress import Progress, Watch
 from fingerlab.core.text import estimate_text, score_text
-from fingerlab.diagnosis.answer.results import EQUATION_TITLES, Candidate, Comparison, Diagnosis
+from fingerlab.diagnosis.answer.error_parts import EQUATIONS, Comparison, equation_of
+from fingerlab.diagnosis.answer.results import Candidate, Diagnosis
 from fingerlab.report import diagnosis_words as words
 from fingerlab.report import page_tables as tables
 from fingerlab.report.budget_words import budget_table, main_family, mend_rows, mending_sentence
 from fingerlab.report.content import Analysis, Content, Prediction, gather
 from fingerlab.report.diagnosis_figures import (
-    QUANTITIES,
     DrawnStretch,
     budget_figure,
     chosen_stretches,
@@ -59,18 +59,6 @@ from fingerlab.sessions.model import Session
 
 FEWEST_CANDIDATES = 2
 """Effects whose evidence is drawn: every one of the set, and at least so many, best first."""
-
-EQUATION_NOTES = {
-    "mcp_torque": "Measured: what the cable does at the joint, from motor current. Modelled: what the "
-    "joint's motion, springs and weight call for.",
-    "pip_torque": "Measured and modelled as at the MCP.",
-    "cable_kinematics": "Measured: cable wound on the pulley, from the motor angle. Modelled: what the joint "
-    "angles call for while the cable is taut.",
-    "motor_torque": "Measured: the motor's torque at its output, as it was logged or from its current. "
-    "Modelled: what inertia, a known load and an offset call for.",
-    "endpoint_force_pip": "Measured: the load cell. Modelled: the force that balances the PIP joint.",
-    "endpoint_force_mcp": "Measured: the load cell. Modelled: the force that balances the MCP joint.",
-}
 
 
 @dataclass(frozen=True)
@@ -282,7 +270,7 @@ def _candidate(candidate: Candidate, pictures: Pictures) -> dict[str, Any]:
         else pictures.draw(fingerprint_figure(print_, candidate.title), f"Fingerprint of {candidate.title}"),
         "where": ""
         if print_ is None
-        else f"{EQUATION_TITLES.get(print_.equation, print_.equation)} against {print_.coordinate}",
+        else f"{equation_of(print_.equation).title} against {print_.coordinate}",
     }
 
 
@@ -291,7 +279,7 @@ def _failure_picture(diagnosis: Diagnosis, pictures: Pictures, many: bool) -> di
     shown = None if failure is None else failure_stretch(diagnosis.comparisons, failure)
     if failure is None or shown is None:
         return None
-    title = EQUATION_TITLES.get(failure.equation, failure.equation)
+    title = equation_of(failure.equation).title
     figure = comparison_figure(shown, failure)
     return {"picture": pictures.draw(figure, f"{title} where it is worst"), "caption": _caption(shown, many)}
 
@@ -303,7 +291,7 @@ def _profile_picture(diagnosis: Diagnosis, pictures: Pictures) -> dict[str, Any]
     figure = where_figure(diagnosis.comparisons, diagnosis.failure.equation)
     if figure is None:
         return None
-    title = EQUATION_TITLES.get(diagnosis.failure.equation, diagnosis.failure.equation)
+    title = equation_of(diagnosis.failure.equation).title
     return {
         "picture": pictures.draw(figure, f"Where the {words.in_sentence(title)} is off"),
         "caption": f"{title}, residual in bins over all runs; above each, where it is largest.",
@@ -325,8 +313,10 @@ def _budget_picture(diagnosis: Diagnosis, pictures: Pictures) -> dict[str, Any] 
 def _equations(diagnosis: Diagnosis, pictures: Pictures, many: bool) -> list[dict[str, Any]]:
     result = []
     present = {c.equation for c in diagnosis.comparisons}
-    for equation in [*(e for e in QUANTITIES if e in present), *sorted(present - set(QUANTITIES))]:
-        title = EQUATION_TITLES.get(equation, equation.replace("_", " ").capitalize())
+    # Forces at the fingertip come last.
+    known = sorted(EQUATIONS, key=lambda name: EQUATIONS[name].family == "endpoint_force")
+    for equation in [*(e for e in known if e in present), *sorted(present - set(EQUATIONS))]:
+        title, note = equation_of(equation).title, equation_of(equation).note
         stretches = chosen_stretches(diagnosis.comparisons, equation)
         drawn = [
             {
@@ -336,7 +326,7 @@ def _equations(diagnosis: Diagnosis, pictures: Pictures, many: bool) -> list[dic
             for s, kind in zip(stretches, ("Largest misfit", "Typical"), strict=False)
         ]
         if drawn:
-            result.append({"title": title, "note": EQUATION_NOTES.get(equation, ""), "pictures": drawn})
+            result.append({"title": title, "note": note, "pictures": drawn})
     return result
 
 

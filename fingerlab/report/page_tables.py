@@ -27,7 +27,8 @@ from fingerlab.core.text import (
     screen_unit,
     with_minus,
 )
-from fingerlab.diagnosis.answer.results import Candidate, Diagnosis, EquationError
+from fingerlab.diagnosis.answer.error_parts import EquationError
+from fingerlab.diagnosis.answer.results import Candidate, Diagnosis
 from fingerlab.models.file import ParameterEstimate
 from fingerlab.report.diagnosis_words import (
     FAMILY_TITLES,

@@ -21,7 +21,7 @@ from fingerlab.diagnosis.settings import MOST_CHANGES
 from fingerlab.effects import find_effect
 
 if TYPE_CHECKING:
-    from fingerlab.diagnosis.answer.errors import FittedParameter
+    from fingerlab.diagnosis.answer.parameter_explorer import FittedParameter
 
 GRIPS = ("soft", "middling", "stiff")
 """Of the tip that slides, by how stiffly it is held sideways: ``SLIP_STIFFNESSES``."""
@@ -65,6 +65,16 @@ TITLES = {
     },
 }
 """Title and unit of what every model leaves open; "%": the model has the share, 0.01 of it."""
+SHORT_TITLES = {
+    "arm_mcp": "Moment arm MCP",
+    "arm_pip": "Moment arm PIP",
+    "loss_mcp": "Loss MCP",
+    "loss_pip": "Loss PIP",
+    "offset": "Cable offset",
+    "bench_gain": "Load per known load",
+    "bench_offset": "Torque without load",
+}
+"""The same of what is followed over sessions, whose tables have room for less."""
 
 
 _JOINT_ENDINGS = {"mcp": "MCP", "pip": "PIP"}

@@ -10,7 +10,8 @@ from typing import Any
 
 from fingerlab.core.progress import Progress, Watch
 from fingerlab.core.text import decimals_for, fixed, percent, printed, score_text, screen_unit
-from fingerlab.diagnosis.answer.results import Candidate, Diagnosis, ExcludedByMotion, ScorePart
+from fingerlab.diagnosis.answer.error_parts import EQUATIONS, ExcludedByMotion, ScorePart
+from fingerlab.diagnosis.answer.results import Candidate, Diagnosis
 from fingerlab.diagnosis.settings import LACK_OF_FIT
 from fingerlab.report.diagnosis_words import (
     FAMILY_TITLES,
@@ -24,10 +25,7 @@ from fingerlab.report.diagnosis_words import (
 from fingerlab.report.parameter_words import held_words
 from fingerlab.sessions.model import Session
 
-EQUATION_NAMES = {
-    "mcp_torque": "MCP torque", "pip_torque": "PIP torque", "cable_kinematics": "cable length",
-    "motor_torque": "motor torque", "tip_depth": "the tip's depth",
-}  # fmt: skip
+EQUATION_NAMES = {name: one.name for name, one in EQUATIONS.items()} | {"tip_depth": "the tip's depth"}
 
 ASIDE_WORDS = {
     "ramp": "start and edges",

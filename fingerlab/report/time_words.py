@@ -4,20 +4,36 @@ from __future__ import annotations
 
 import csv
 import io
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from fingerlab.core.plain_data import json_ready
-from fingerlab.core.text import ParameterEstimate, estimate_text, percent
-from fingerlab.report.comparison_words import column_words, reads_as
-from fingerlab.report.diagnosis_words import effect_title, in_sentence, listed
+from fingerlab.core.text import (
+    ParameterEstimate,
+    decimals_for,
+    estimate_text,
+    fixed,
+    largest_of,
+    percent,
+    screen_unit,
+    with_minus,
+)
+from fingerlab.diagnosis.equations.parameters import is_loss
+from fingerlab.diagnosis.score.calibration import Verdict
+from fingerlab.effects import CATALOGUE
+from fingerlab.report.diagnosis_words import NOTHING_WORDS, UNKNOWN_WORDS, effect_title, in_sentence, listed
+from fingerlab.report.parameter_words import SHORT_TITLES, parameter_title
 
 if TYPE_CHECKING:
     from fingerlab.batch.benches import BenchSessions, SharedEffect, StrengthOnTwo
-    from fingerlab.batch.changes import NumberCourse
+    from fingerlab.batch.changes import BenchChange, NumberCourse
+    from fingerlab.batch.followed import Trend
     from fingerlab.batch.laws import Estimate
+
+Row = dict[str, Any]
 
 KIND_WORDS: Mapping[str, str] = {
     "steady": "steady",
@@ -271,3 +287,100 @@ def _csv(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
     writer.writerow(head)
     writer.writerows(rows)
     return text.getvalue()
+
+
+COLUMN_WORDS = {
+    "score": "Error / floor",
+    "final_score": "Error / floor, effects added",
+    **{f"alone.{one.id}.{name}": words for one in CATALOGUE.values() for name, words in one.followed.items()},
+}
+
+
+def outcome_words(row: Row) -> str:
+    """What a session lacks, in words."""
+    words = {Verdict.NOTHING_MISSING: NOTHING_WORDS, Verdict.NOT_IN_CATALOGUE: UNKNOWN_WORDS}
+    if row["verdict"] in words:
+        return words[row["verdict"]]
+    return effect_title(row["set"][0] if row["set"] else str(row["first_effect"]))
+
+
+def not_shown_sentence(rows: Sequence[Row]) -> str:
+    """What the sessions in which nothing is missing leave open, and how many of them; or nothing."""
+    left = [row["set"] for row in rows if row["verdict"] == Verdict.NOTHING_MISSING and row["set"]]
+    if not left:
+        return ""
+    titles = Counter(in_sentence(effect_title(effect)) for effects in left for effect in effects)
+    named = [f"{title} ({count})" for title, count in titles.most_common()]
+    where = "One session" if len(left) == 1 else f"{len(left)} sessions"
+    leave = "leaves" if len(left) == 1 else "leave"
+    return f"{where} with nothing missing {leave} open, at a plausible strength: {listed(named)}."
+
+
+def column_words(column: str) -> str:
+    """A column of the table in words, such as ``Moment arm MCP, extension``."""
+    if column in COLUMN_WORDS:
+        return COLUMN_WORDS[column]
+    if column.partition(".")[2].count("."):
+        return parameter_title(column.partition(".")[2], ())
+    key, _, routing = column.partition(".")[2].partition("@")
+    words = SHORT_TITLES.get(key, key.replace("_", " "))
+    return f"{words}, {routing}" if routing else words
+
+
+def trend_cells(trend: Trend) -> tuple[str, str, str, str, str, str]:
+    """Quantity, median, unit, change a month, its 90 % interval, number of sessions."""
+    unit = screen_unit(trend.unit, largest_of((trend.median, trend.low, trend.high)))
+    slope, low, high = (value * unit.factor for value in (trend.per_month, trend.low, trend.high))
+    digits = min(decimals_for((high - low) / 4), MOST_DECIMALS)
+    return (
+        column_words(trend.column),
+        with_minus(f"{trend.median * unit.factor:.4g}"),
+        unit.symbol,
+        fixed(slope, digits),
+        f"{fixed(low, digits)} to {fixed(high, digits)}",
+        str(trend.sessions),
+    )
+
+
+MOST_DECIMALS = 4
+
+
+def reads_as(first: ParameterEstimate | None, second: ParameterEstimate | None, from_nothing: bool) -> str:
+    """What a step is usually: ", as after damage ...".
+
+    Args:
+        first, second: the number before and after. from_nothing: it should be zero, as a friction.
+    """
+    if first is None or second is None:
+        return ""
+    if not from_nothing:
+        return ", as when a part is changed or a cable laid anew"
+    if abs(second.value) < abs(first.value):
+        return ", as after a repair, cleaning or lubrication"
+    return ", as after damage or with a new part"
+
+
+def change_sentence(change: BenchChange) -> str:
+    """What changed, between which sessions, and how sure that is."""
+    when = f"Between {change.before} and {change.after} ({change.when[:10]})"
+    sure = f"Probability {percent(change.chance)}; of that moment, if so, {percent(change.certain_place)}."
+    title = in_sentence(effect_title(change.effect)) if change.effect else ""
+    before, n, after, m = change.found
+    strength = ""
+    if change.first is not None and change.second is not None:
+        values = f"from {estimate_text(change.first)} to {estimate_text(change.second)}"
+        strength = f"{in_sentence(column_words(change.column))} went {values}"
+    seen = f"missing in {before} of {n} sessions before and in {after} of {m} after"
+    if change.kind in ("new", "gone"):
+        what = f"a new effect appeared, {title}" if change.kind == "new" else f"an effect went away, {title}"
+        what = f"{what}, {seen}" + (f"; {strength}" if strength else "")
+    elif change.kind == "moved":
+        what = strength
+    else:
+        what = f"the same effect has {change.kind}, {title}: {strength}; {seen}"
+    what += reads_as(
+        change.first, change.second, bool(change.effect) or is_loss(change.column.removeprefix("param."))
+    )
+    many = len(change.others)
+    others = f" With it moved {many} other number{'s' * (many > 1)}." if many else ""
+    return f"{when} {what}. {sure}{others}"

@@ -37,7 +37,7 @@ def trial_sentence(trial: Trial) -> str:
 
 
 def result_sentences(trial: Trial) -> tuple[str, ...]:
-    """All that a trial shows: how far the error fell, what was foretold, and what each model leaves."""
+    """All that a trial shows: how far the error fell, what was predicted, and what each model leaves."""
     models = [one for one in (trial.nominal, trial.found) if one is not None]
     sentences = (
         trial_sentence(trial), share_sentence(trial), predicted_sentence(trial), *map(rest_sentence, models)
@@ -46,7 +46,7 @@ def result_sentences(trial: Trial) -> tuple[str, ...]:
 
 
 def trial_row(model: ModelForce) -> tuple[str, ...]:
-    """One model in a table: name, runs, error, foretold, largest, run to run (mN), then each cause (%)."""
+    """One model in a table: name, runs, error, predicted, largest, run to run (mN), then each cause (%)."""
     predicted = number(1e3 * model.predicted_rms, 1) if math.isfinite(model.predicted_rms) else "–"
     repeats = number(1e3 * model.repeatability, 1) if len(model.runs) > 1 else "–"
     error, peak = (number(1e3 * value, 1) for value in (model.rms, model.peak))

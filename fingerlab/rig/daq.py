@@ -285,7 +285,7 @@ def read_daq(data: Any, where: str) -> Daq:
     return daq
 
 
-LEAST_HELD = 4
+LEAST_JUMPS = 4
 """Commands of the position loop that a dead-man has to hold at least: a charge pump is fed by every second
 edge, and one such edge may come a period late (assumed)."""
 
@@ -306,17 +306,17 @@ def _check_lines(daq: Daq, where: str) -> None:
             )
         taken[terminal] = name
     command = daq.block if daq.timing != "single-point" else 1
-    least = LEAST_HELD * command / daq.rate_hz
+    least = LEAST_JUMPS * command / daq.rate_hz
     if daq.dead_man.terminal and least > MOST_HELD_S:
         raise UserError(
-            f"{where} dead_man would have to hold for {least:g} s ({LEAST_HELD} commands of the position "
+            f"{where} dead_man would have to hold for {least:g} s ({LEAST_JUMPS} commands of the position "
             f"loop), and one that holds for more than {MOST_HELD_S:g} s stops nothing in time; make block "
             "smaller, or rate_hz higher."
         )
     if daq.dead_man.terminal and not least <= daq.dead_man.hold_time <= MOST_HELD_S:
         raise UserError(
             f"{where} dead_man hold_time is {daq.dead_man.hold_time:g} s; it should be {least:g} s "
-            f"({LEAST_HELD} commands of the position loop) to {MOST_HELD_S:g} s, in which everything else "
+            f"({LEAST_JUMPS} commands of the position loop) to {MOST_HELD_S:g} s, in which everything else "
             "stops the motor."
         )
     if not 0.0 <= daq.amplifier_ready.settling_time <= 2.0:

@@ -24,7 +24,7 @@ from typing import Any, TypeVar
 
 from fingerlab.core.errors import UserError
 from fingerlab.core.files import read_text
-from fingerlab.core.plain_data import Mismatch, read_object, structured
+from fingerlab.core.plain_data import Mismatch, is_number, read_object, structured
 from fingerlab.core.text import amount, factor
 from fingerlab.rig.daq import CHANNEL_UNITS, SOURCES, Daq, plain_section, read_daq
 from fingerlab.rig.limits import LIMIT_UNITS, Limits, read_limits
@@ -441,6 +441,6 @@ def _relative(value: Any, where: str) -> float:
 
 
 def _number(value: Any, where: str) -> float:
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+    if not is_number(value):
         raise UserError(f"{where} is {value!r}; it should be a finite number.")
     return float(value)

@@ -18,7 +18,10 @@ FORMAT_VERSION = "1"
 FORMAT_MAJOR = 1
 
 PHASES = ("on_air", "contact", "motor_bench", "free")
-CABLES = ("extension", "flexion", "none")
+CABLE_SIGN = {"extension": -1, "flexion": 1}
+"""s of ``docs/theory.md`` by the cable that is hung in; without one it is 0."""
+CABLE_NAMES = {0: "none"} | {sign: cable for cable, sign in CABLE_SIGN.items()}
+CABLES = (*CABLE_SIGN, "none")
 
 CHANNEL_UNITS = {
     "time": "s",
@@ -91,6 +94,8 @@ def as_stored(name: str, values: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
 
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
+IntArray = np.ndarray[Any, np.dtype[np.int64]]
+BoolArray = np.ndarray[Any, np.dtype[np.bool_]]
 
 
 class ChannelReader(Protocol):
@@ -159,7 +164,7 @@ class Run:
     @property
     def cable_sign(self) -> int:
         """s of ``docs/theory.md``: +1 for a flexion cable, -1 for an extension cable, 0 without one."""
-        return {"flexion": 1, "extension": -1}.get(self.cable, 0)
+        return CABLE_SIGN.get(self.cable, 0)
 
     @property
     def complete(self) -> bool:

@@ -9,7 +9,6 @@ from functools import lru_cache
 import numpy as np
 
 from fingerlab.core.errors import UserError
-from fingerlab.rig.file import Rig
 from fingerlab.sessions.model import Array, Run, longest_piece
 
 BUTTERWORTH_ORDER = 4
@@ -129,7 +128,7 @@ def thesis_cutoff_hz(sample_rate_hz: float) -> float:
     return min(THESIS_CUTOFF_HZ, MOST_OF_THE_RATE * sample_rate_hz)
 
 
-def prepare(run: Run, rig: Rig, cutoff_hz: float | None = None) -> Signals:
+def prepare(run: Run, cutoff_hz: float | None = None) -> Signals:
     """Read a run's channels, low-pass them at ``cutoff_hz`` (Hz; None: the thesis') and differentiate.
 
     Where samples were lost, of the longest piece without a gap.

@@ -266,7 +266,7 @@ def fit_motor_bench(session: Session, progress: Progress | None = None) -> Motor
 
 
 def _sums(run: Run, rig: Rig) -> _RunSums | None:
-    signals = prepare(run, rig)
+    signals = prepare(run)
     start, stop = usable(len(signals), signals.sample_rate_hz)
     if stop - start < signals.sample_rate_hz / 2:
         return None

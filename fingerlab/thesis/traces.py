@@ -20,7 +20,7 @@ from typing import Literal
 import numpy as np
 
 from fingerlab.core.errors import UserError
-from fingerlab.core.text import ParameterEstimate
+from fingerlab.core.text import LEVEL, ParameterEstimate
 from fingerlab.physics.nominal import (
     JointMotion,
     contact_lever_mcp,
@@ -45,8 +45,6 @@ from fingerlab.signals.periods import (
     usable,
 )
 from fingerlab.signals.prepare import THESIS_CUTOFF_HZ, Signals, prepare
-
-CONFIDENCE = 0.90
 
 
 @dataclass(frozen=True)
@@ -153,7 +151,7 @@ def quantile(freedom: int) -> float:
     """Student's t that leaves 5 % on either side."""
     from scipy.stats import t as student  # slow to import
 
-    return float(student.ppf(0.5 + CONFIDENCE / 2, freedom))
+    return float(student.ppf(0.5 + LEVEL / 2, freedom))
 
 
 def fit_line(blocks: RegressionSums, misfit: Misfit | None = None) -> RegressionLine | None:
@@ -311,7 +309,7 @@ def trace(run: Run, rig: Rig) -> Traces:
     for channel in ("mcp_angle", "pip_angle"):
         if not run.has(channel):
             raise UserError(f"Run {run.name} has no channel '{channel}'; the joint equations need it in rad.")
-    signals = prepare(run, rig)
+    signals = prepare(run)
     motion = joint_motion(signals)
     return Traces(
         signals,

@@ -23,6 +23,7 @@ import numpy as np
 from fingerlab.core.errors import UserError
 from fingerlab.models.file import DIAGNOSIS_METHOD, SavedModel, load_model
 from fingerlab.rig.file import Rig
+from fingerlab.sessions.model import CABLE_SIGN
 from fingerlab.twin.effects import EFFECTS
 from fingerlab.twin.plant import Nominal, NotCarriedError
 from fingerlab.twin.protocols import Preset, load_preset
@@ -35,7 +36,6 @@ MOST_DRAWN = 2.0
 """Standard deviations beyond which no value is drawn, as for a bench's tolerances."""
 SHARES = ("proximal_mass", "distal_mass", "mcp_stiffness", "pip_stiffness")
 """Constants of which a model tells by what share they are off."""
-CABLES = ("extension", "flexion")
 
 
 @dataclass(frozen=True)
@@ -121,7 +121,7 @@ def _preset(preset: Preset, model: SavedModel, values: Mapping[str, float]) -> P
     numbers: dict[str, dict[str, Any]] = {name: dict(part) for name, part in preset.numbers.items()}
     inertia = preset.rig.motor.inertia or numbers["motor"]["inertia"]
     numbers["motor"]["inertia"] = max(inertia + values.get("rotor_inertia", 0.0), 0.1 * inertia)
-    for cable in CABLES:
+    for cable in CABLE_SIGN:
         arms = [values.get(f"arm_{joint}@{cable}") for joint in ("mcp", "pip")]
         if arms[0] is not None and arms[1] is not None:
             numbers["arms"][cable] = (arms[0], arms[1])

@@ -242,6 +242,10 @@ class PlantEffect:
         phases: phases of a session in which the effect acts.
         apply: changes the bench of one run in place, before the finger is hung and the load cell placed.
         found: the plant's parameters by the values that a diagnosis found; None: those tell too little.
+        expected: what a fit should find of the plant's parameters, by the fit's names, in either sense; None:
+            simulator and fit describe it otherwise.
+        practised: hidden by a first practice: named first in all five blind trials of the rich and of the
+            thesis' protocol (docs/hidden-effects.md), so that whoever looks finds it.
     """
 
     id: str
@@ -249,6 +253,8 @@ class PlantEffect:
     phases: frozenset[str]
     apply: Callable[[Plant, Values], None]
     found: Found | None = None
+    expected: Callable[[Values], Values] | None = None
+    practised: bool = False
 
     def defaults(self) -> dict[str, float]:
         """Default value of every parameter, SI."""
@@ -281,6 +287,12 @@ def both_joints(mcp: float, pip: float) -> dict[str, float]:
     """A value of the MCP and the PIP's share of it; a joint that was found without any has next to none."""
     mcp = mcp if abs(mcp) > LEAST else LEAST
     return {"mcp": mcp, "pip_ratio": pip / mcp}
+
+
+def gains_of_joints(gain: str, v: Values, share: float = 1.0) -> dict[str, float]:
+    """The inverse: what a fit should find at each joint, times a share."""
+    levels = {"mcp": v["mcp"], "pip": v["mcp"] * v["pip_ratio"]}
+    return {f"{gain}_{joint}": level * share for joint, level in levels.items()}
 
 
 LEAST = 1e-9

@@ -30,7 +30,7 @@ import numpy as np
 from fingerlab.acquisition.control.trajectories import read_trajectory
 from fingerlab.core.errors import UserError
 from fingerlab.core.files import read_text
-from fingerlab.core.plain_data import read_object
+from fingerlab.core.plain_data import is_number, read_object
 from fingerlab.rig.file import Rig, read_intervention
 from fingerlab.sessions.model import CABLES
 from fingerlab.twin.effects import check_effects
@@ -148,16 +148,12 @@ def _section(data: Any, section: str, name: str) -> dict[str, Any]:
     for key, count in expected.items():
         value = data.get(key)
         values: list[Any] = value if isinstance(value, list) else [value]
-        if len(values) != count or not all(_is_number(v) for v in values):
+        if len(values) != count or not all(is_number(v) for v in values):
             raise UserError(
                 f"The preset {name}, '{section}.{key}' is {value!r}; it should hold {count} finite number(s)."
             )
         result[key] = tuple(map(float, values)) if count > 1 else float(values[0])
     return result
-
-
-def _is_number(value: Any) -> bool:
-    return not isinstance(value, bool) and isinstance(value, int | float) and math.isfinite(value)
 
 
 RATE_HZ = 1000.0
@@ -302,7 +298,7 @@ def single_run(
             f"The trajectory has 'amplitude_deg' = {amplitude:g}; it should be greater than zero."
         )
     load = settings.get("load_torque", 0.0)
-    if isinstance(load, bool) or not isinstance(load, int | float) or not math.isfinite(load):
+    if not is_number(load):
         raise UserError(f"The trajectory has 'load_torque' = {load!r}; it should be a torque in N m.")
     if load and phase != "motor_bench":
         raise UserError(

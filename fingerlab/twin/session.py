@@ -34,26 +34,6 @@ NOTHING = 0.15
 STRENGTH_RANGE = (0.6, 1.6)
 """A hidden effect has between these times its default strength, evenly in the logarithm."""
 
-PRACTISED = (
-    "asymmetric_friction",
-    "backlash",
-    "cable_stretch",
-    "capstan_friction",
-    "joint_stop",
-    "load_dependent_friction",
-    "motor_coulomb_friction",
-    "motor_spring",
-    "motor_viscous_friction",
-    "presliding_hysteresis",
-    "spring_hardening",
-    "torque_ripple",
-    "transport_delay",
-    "viscoelastic_creep",
-    "viscous_friction",
-)
-"""What a first practice hides: named first in all five blind trials of the rich and of the thesis' protocol
-(docs/hidden-effects.md), so that whoever looks finds it."""
-
 DIGEST_CHARACTERS = 16
 SEAL_CHARACTERS = 1200
 MOST_SEALED = 1 << 16
@@ -220,7 +200,7 @@ def pick_hidden(
     For ``practice`` always one of those that show, at its default strength or stronger.
     """
     possible = [e for e in EFFECTS.values() if e.phases & set(phases)]
-    possible = [e for e in possible if e.id in PRACTISED] if practice else possible
+    possible = [e for e in possible if e.practised] if practice else possible
     effect = possible[int(rng.integers(len(possible)))]
     weakest, strongest = STRENGTH_RANGE
     factor = float(np.exp(rng.uniform(*np.log((1.0 if practice else weakest, strongest)))))

@@ -7,7 +7,8 @@ from datetime import UTC, datetime
 import numpy as np
 import pytest
 
-from fingerlab.batch.table import Row, ageing_rows, recorded_at, trend, trends
+from fingerlab.batch.followed import ageing_rows, trend, trends
+from fingerlab.batch.table import Row, recorded_at
 
 DAYS = np.array([0.0, 20.0, 45.0, 61.0, 90.0, 122.0, 150.0, 200.0])
 YEAR_OF_MONTHS = 365.25 / 12

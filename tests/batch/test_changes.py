@@ -10,7 +10,7 @@ import pytest
 from fingerlab.batch.changes import beside, changes, courses, weigh_found
 from fingerlab.batch.laws import Course, Prior, course
 from fingerlab.batch.table import Row
-from fingerlab.report.comparison_words import change_sentence
+from fingerlab.report.time_words import change_sentence
 from fingerlab.sessions.model import Array
 
 DAYS = np.arange(10.0)

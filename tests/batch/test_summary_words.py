@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from fingerlab.report.comparison_words import not_shown_sentence
+from fingerlab.report.time_words import not_shown_sentence
 
 
 def row(verdict: str, *effects: str) -> dict[str, Any]:

@@ -20,7 +20,7 @@ from fingerlab.core.text import (
     screen_unit,
     significant,
 )
-from fingerlab.diagnosis.answer.errors import FittedParameter
+from fingerlab.diagnosis.answer.parameter_explorer import FittedParameter
 from fingerlab.models.file import ParameterEstimate
 from fingerlab.report.diagnosis_words import in_sentence, listed
 from fingerlab.report.parameter_words import cells, parameter_titles

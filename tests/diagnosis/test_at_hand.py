@@ -7,7 +7,7 @@ import pytest
 
 from fingerlab.core.errors import UserError
 from fingerlab.diagnosis import diagnose
-from fingerlab.diagnosis.answer.errors import ParameterExplorer
+from fingerlab.diagnosis.answer.parameter_explorer import ParameterExplorer
 from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.diagnosis.equations.parameters import nuisance_ranges
 from fingerlab.diagnosis.gram.reduction import Reduction

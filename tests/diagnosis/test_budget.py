@@ -9,8 +9,9 @@ from typing import Any
 import pytest
 
 from fingerlab.diagnosis.answer.budget import error_budget, still_gone
+from fingerlab.diagnosis.answer.error_parts import Budget, BudgetPart, EquationError
 from fingerlab.diagnosis.answer.errors import equation_errors
-from fingerlab.diagnosis.answer.results import Budget, BudgetPart, EquationError, PathStep
+from fingerlab.diagnosis.answer.results import PathStep
 from fingerlab.diagnosis.equations.model import Choice
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.settings import FULL_ITERATIONS

@@ -9,12 +9,11 @@ import numpy as np
 import pytest
 
 from fingerlab.diagnosis.score.calibration import (
-    NOTHING,
-    UNKNOWN,
     CalibrationTable,
     Odds,
     ProbabilityMap,
     SessionFeature,
+    Verdict,
     calibrated,
     calibration,
 )
@@ -30,7 +29,8 @@ from tests.hidden.sweep.calibrate import (
 )
 
 EFFECTS = ("coulomb_friction", "stribeck_friction", "cable_stretch")
-VERDICT = "missing_effect"
+VERDICT = Verdict.MISSING_EFFECT
+NOTHING, UNKNOWN = Verdict.NOTHING_MISSING, Verdict.NOT_IN_CATALOGUE
 PLAIN = ProbabilityMap(uninformative_verdict=-700.0, uninformative_effect=-700.0)
 SESSION = {"runs": 10.0, "seconds": 20.0, "rate": 1000.0, "floor": 0.1, "score": 3.0, "left": 1.1}
 
@@ -76,7 +76,9 @@ def test_what_stands_in_place_of_a_given_effect_keeps_the_odds_of_whole_models()
     """Whatever trials say of effects beside a model: three models in four are the one as given."""
     rest, instead = np.array([0.1, 0.0, 0.05]), np.array([0.0, 0.25, 0.0])
     odds = Odds(EFFECTS, rest, np.zeros(3), 0.55, 0.05, instead)
-    quiet = ProbabilityMap(verdict=0.5, quiet=-3.0, uninformative_verdict=-1.0, uninformative_effect=-700.0)
+    quiet = ProbabilityMap(
+        verdict=0.5, nothing_offset=-3.0, uninformative_verdict=-1.0, uninformative_effect=-700.0
+    )
     beside = quiet.probabilities(Odds(EFFECTS, rest, np.zeros(3), 0.55, 0.05))
     assert quiet.probabilities(odds) == pytest.approx(0.75 * beside + [0.0, 0.25, 0.0, 0.0, 0.0])
     # Where in every second session no law is the bench's, half as much stands for the exchange.

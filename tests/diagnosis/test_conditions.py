@@ -12,7 +12,7 @@ from fingerlab.diagnosis.answer.errors import held_out_runs
 from fingerlab.diagnosis.score.fitted_model import condition_weights
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.settings import MOST_FOLDS
-from fingerlab.diagnosis.signals.conditions import deal
+from fingerlab.diagnosis.signals.conditions import folds_of
 from tests.reduced import reduce_sessions
 
 from . import closed_form as made
@@ -26,33 +26,33 @@ SLOW, FAST = {"frequency_hz": 0.5, "amplitude_deg": 10.0}, {"frequency_hz": 2.0,
 
 
 def test_ten_runs_of_one_motion_are_left_out_one_by_one() -> None:
-    folds, places = deal([run(**SLOW)] * 10, 10)
+    folds, places = folds_of([run(**SLOW)] * 10, 10)
     assert places == list(range(10))
     assert {f.condition for f in folds} == {0}
-    assert [f.turn for f in folds] == list(range(10))
+    assert [f.split for f in folds] == list(range(10))
 
 
 def test_a_further_motion_has_a_fold_of_its_own() -> None:
-    folds, places = deal([*[run(**SLOW)] * 10, run(**FAST)], 10)
+    folds, places = folds_of([*[run(**SLOW)] * 10, run(**FAST)], 10)
     assert len(folds) == 11
     assert places[-1] == 10
     assert folds[10].condition == 1
 
 
 def test_runs_of_many_motions_are_not_left_out_all_at_once() -> None:
-    folds, _ = deal([run(frequency_hz=0.2 * 1.3**k, amplitude_deg=10.0) for k in range(8)], 10)
-    assert [f.turn for f in folds] == list(range(8))
+    folds, _ = folds_of([run(frequency_hz=0.2 * 1.3**k, amplitude_deg=10.0) for k in range(8)], 10)
+    assert [f.split for f in folds] == list(range(8))
     assert [f.condition for f in folds] == list(range(8))
 
 
 def test_more_runs_than_folds_are_dealt_in_turn() -> None:
-    folds, places = deal([run(**SLOW)] * 25, 10)
+    folds, places = folds_of([run(**SLOW)] * 25, 10)
     assert len(folds) == 10
     assert places == [k % 10 for k in range(25)]
 
 
 def test_an_approach_that_was_found_anew_is_the_same_motion() -> None:
-    folds, _ = deal([run(**SLOW, offset_deg=21.0), run(**SLOW, offset_deg=22.5)], 10)
+    folds, _ = folds_of([run(**SLOW, offset_deg=21.0), run(**SLOW, offset_deg=22.5)], 10)
     assert {f.condition for f in folds} == {0}
 
 
@@ -60,12 +60,12 @@ def test_an_approach_that_was_found_anew_is_the_same_motion() -> None:
     "other", [run("chirp", **SLOW), run(**FAST), run(frequency_hz=0.5, amplitude_deg=20.0)]
 )
 def test_another_kind_speed_or_reach_is_another_motion(other: Any) -> None:
-    folds, _ = deal([run(**SLOW), other], 10)
+    folds, _ = folds_of([run(**SLOW), other], 10)
     assert [f.condition for f in folds] == [0, 1]
 
 
 def test_the_number_of_folds_is_bounded() -> None:
-    folds, places = deal([run(frequency_hz=0.1 * 1.4**k) for k in range(50)], 10)
+    folds, places = folds_of([run(frequency_hz=0.1 * 1.4**k) for k in range(50)], 10)
     assert len(folds) == MOST_FOLDS
     assert set(places) == set(range(MOST_FOLDS))
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scipy.signal import butter, firwin, freqz, sosfiltfilt
 
+from fingerlab.diagnosis.answer.error_parts import EquationError
 from fingerlab.diagnosis.answer.errors import equation_errors, run_shares
-from fingerlab.diagnosis.answer.results import EquationError
 from fingerlab.diagnosis.equations.model import Choice
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.effects import CATALOGUE

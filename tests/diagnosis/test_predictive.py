@@ -7,8 +7,8 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from fingerlab.diagnosis.fit.data import Weighted
-from fingerlab.diagnosis.fit.solver import LeftOut
-from fingerlab.diagnosis.score.scorer import allowance
+from fingerlab.diagnosis.fit.random_effects import LeftOut
+from fingerlab.diagnosis.fit.random_effects import predictive_correction as allowance
 from fingerlab.sessions.model import Array
 
 FEATURES, UNKNOWNS = 6, 4

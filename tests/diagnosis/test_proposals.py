@@ -21,16 +21,17 @@ from fingerlab.diagnosis.experiment.predicted_runs import (
     pressing_motion,
     seen_press,
 )
-from fingerlab.diagnosis.experiment.proposal import Judged, best_run, propose
+from fingerlab.diagnosis.experiment.proposal import best_run, propose
 from fingerlab.diagnosis.experiment.separation import (
     PredictedRun,
-    held_by,
+    effects_in,
     known_of,
     predict_run,
     run_kind,
     separation,
     values_in,
 )
+from fingerlab.diagnosis.experiment.worth import Judged
 from fingerlab.diagnosis.gram.decimation import decimated_columns
 from fingerlab.diagnosis.score.evidence import Evidence
 from fingerlab.diagnosis.score.fitted_model import FittedModel
@@ -309,7 +310,9 @@ def test_the_motor_alone_tells_what_the_motor_does_from_what_the_joints_do(
     names = ("motor_viscous_friction", "viscous_friction")
     motor, joint = (evidence.candidates[index(evidence, n)] for n in names)
     motion = bench_motion(made.RIG, {**SINE, "amplitude_deg": 30.0}, 0.0)
-    run = predict_run(motion, run_kind(session, motion, held_by([motor, joint], motion), beside_finger=True))
+    run = predict_run(
+        motion, run_kind(session, motion, effects_in([motor, joint], motion), beside_finger=True)
+    )
     assert [e.id for e in run.kind.layout.effects] == ["motor_viscous_friction"]
     assert separation(scorer.reduced, run, motor, joint, HEAT) > 1.0
     assert separation(scorer.reduced, run, joint, joint, HEAT) == pytest.approx(0.0, abs=1e-6)
@@ -352,7 +355,7 @@ def test_three_times_the_time_separates_three_times_as_well(judged: tuple[Sessio
     )
     motion = finger_motion(made.RIG, -1, SINE, VALUES)
     assert motion is not None
-    run = predict_run(motion, run_kind(session, motion, held_by([first, second], motion)))
+    run = predict_run(motion, run_kind(session, motion, effects_in([first, second], motion)))
     once, thrice = (separation(scorer.reduced, r, first, second, 1.0) for r in (run, run.lasting(3.0)))
     assert 1.0 < thrice / once <= 3.0 + 1e-9
     assert run.lasting(3.0).sums.samples == pytest.approx(3 * run.sums.samples, abs=1)

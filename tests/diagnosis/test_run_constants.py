@@ -10,10 +10,11 @@ import pytest
 from fingerlab.core.errors import Cancelled
 from fingerlab.diagnosis import diagnose
 from fingerlab.diagnosis.diagnose import likeliest_constants, settle_constants
-from fingerlab.diagnosis.equations.features import Pick
+from fingerlab.diagnosis.equations.features import FeatureSet
 from fingerlab.diagnosis.fit.run_spreads import find_constants
 from fingerlab.diagnosis.gram.reduction import Reduction
-from fingerlab.diagnosis.gram.sums import EquationWeights, RunConstants, RunTotals, Sums, schur_complement
+from fingerlab.diagnosis.gram.run_constants import EquationWeights, RunConstants, RunTotals, schur_complement
+from fingerlab.diagnosis.gram.sums import Sums
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
 from fingerlab.effects.base import Row
@@ -39,7 +40,7 @@ def test_what_is_integrated_out_is_a_dense_covariance(slack: int) -> None:
     residual = rng.standard_normal((samples, 5))
     loose = residual[samples - slack :]
     # One feature in every equation, each a signal of its own, with coefficient 1.
-    pick = Pick(np.arange(5), np.arange(5))
+    pick = FeatureSet(np.arange(5), np.arange(5))
     sums = Sums(residual.T @ residual, loose.T @ loose, samples - slack, slack)
     counts = np.array([samples, slack, 0])
     totals = RunTotals(0, np.stack([residual.sum(axis=0), loose.sum(axis=0), np.zeros(5)]), counts)

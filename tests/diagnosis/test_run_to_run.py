@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import lsq_linear, minimize
 
 from fingerlab.diagnosis.equations.model import Choice, build
-from fingerlab.diagnosis.fit.data import Weighted, own_to_a_run
+from fingerlab.diagnosis.fit.data import Weighted, random_effect_columns
 from fingerlab.diagnosis.fit.random_effects import RandomEffects
 from fingerlab.diagnosis.fit.solver import Fitter
 from fingerlab.diagnosis.gram.sums import Reduced
@@ -100,9 +100,9 @@ def test_a_tip_has_a_share_of_its_own_where_it_sticks_and_runs_are_repeated(
     group = next(g for g in reduced.groups if g.in_contact)
     told = model.features(values, group)
     assert max(len(group.of_condition(c)) for c in group.conditions) < 3
-    assert own_to_a_run(model, values, told, group).shape == (len(told), 0)
+    assert random_effect_columns(model, values, told, group).shape == (len(told), 0)
     monkeypatch.setattr(type(group), "of_condition", lambda *_: [0, 1, 2])
-    own = own_to_a_run(model, values, told, group)
+    own = random_effect_columns(model, values, told, group)
     if law == "slides":
         assert own.shape == (len(told), 0)
         return
@@ -123,7 +123,7 @@ def test_friction_of_each_run_s_own_costs_a_fit_what_it_costs_the_best_of_its_si
     values = trial.fit.values.copy()
     values[places] = 3e-5  # what the joints of this bench would hardly do, and not beyond what runs differ by
     usual, fitter = (Fitter(trial.model, scorer.data, trial.weights) for _ in range(2))
-    fitter.hold(values, trusted=True)
+    fitter.set_friction_weights(values, trusted=True)
 
     def least(i: int, k: int) -> float:
         group = reduced.groups[i]

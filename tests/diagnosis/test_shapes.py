@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fingerlab.diagnosis.answer.results import Comparison
-from fingerlab.diagnosis.answer.where import (
+from fingerlab.diagnosis.answer.error_parts import Comparison
+from fingerlab.diagnosis.answer.residual_profiles import (
     angle_loop,
     autocorrelation,
     full_rate,

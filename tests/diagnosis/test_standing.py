@@ -57,7 +57,7 @@ def test_friction_at_rest_frees_its_own_equation_by_a_third_of_its_square(scorer
     group = scorer.reduced.groups[0]
     group.whole.rest = group.whole.products.copy()  # as if it stood all the time
     weights = trial.weights[group.key]
-    held = scorer.data.held(0, trial.model, trial.model.features(values, group), weights)
+    held = scorer.data.stiction_weights(0, trial.model, trial.model.features(values, group), weights)
     assert held is not None
     arm = values[trial.model.index["arm_mcp@extension"]]
     # The state is nearly always at one of its extremes in these runs, so its square is nearly one.
@@ -70,7 +70,7 @@ def test_friction_at_rest_frees_its_own_equation_by_a_third_of_its_square(scorer
     fallen = []
     for samples in (700, 1400):
         group.whole.rest_samples, group.whole.standstills = samples, 7
-        found = scorer.data.held(0, trial.model, trial.model.features(values, group), weights)
+        found = scorer.data.stiction_weights(0, trial.model, trial.model.features(values, group), weights)
         assert found is not None
         fallen.append(found[1])
     assert fallen[1] - fallen[0] == pytest.approx(7 * np.log(2.0), rel=0.01)
@@ -123,7 +123,7 @@ def test_a_model_without_friction_is_weighed_as_ever(scorer: Scorer) -> None:
     trial = scorer.fit([Choice(CATALOGUE["added_mass"])])
     fitter = Fitter(trial.model, scorer.data, trial.weights)
     before = [sums.matrix.copy() for sums in fitter.sums]
-    fitter.hold(trial.fit.values)
+    fitter.set_friction_weights(trial.fit.values)
     assert all(np.array_equal(a, b.matrix) for a, b in zip(before, fitter.sums, strict=True))
     assert fitter.widening == 0.0
 

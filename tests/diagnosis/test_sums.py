@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from fingerlab.diagnosis.equations.columns import layout_of
-from fingerlab.diagnosis.equations.features import Pick
+from fingerlab.diagnosis.equations.features import FeatureSet
 from fingerlab.diagnosis.gram.decimation import decimated_columns
-from fingerlab.diagnosis.gram.sums import EquationWeights, Sums, empty, total
+from fingerlab.diagnosis.gram.run_constants import EquationWeights
+from fingerlab.diagnosis.gram.sums import Sums, empty, total
 from fingerlab.diagnosis.signals.segments import segments_of
 from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import Row
@@ -29,11 +30,11 @@ def recorded() -> tuple[np.ndarray, np.ndarray, Sums]:
     return columns, taut, sums
 
 
-PICK = Pick(np.array([0, 1, 1, 4, 0]), np.array([Row.MCP, Row.PIP, Row.CABLE, Row.CABLE, Row.PIP]))
-OTHER = Pick(np.array([5, 1, 2]), np.array([Row.CABLE, Row.MCP, Row.PIP]))
+PICK = FeatureSet(np.array([0, 1, 1, 4, 0]), np.array([Row.MCP, Row.PIP, Row.CABLE, Row.CABLE, Row.PIP]))
+OTHER = FeatureSet(np.array([5, 1, 2]), np.array([Row.CABLE, Row.MCP, Row.PIP]))
 
 
-def features(columns: np.ndarray, taut: np.ndarray, pick: Pick) -> np.ndarray:
+def features(columns: np.ndarray, taut: np.ndarray, pick: FeatureSet) -> np.ndarray:
     """What the equations see of the signals: nothing of the cable's at slack moments."""
     seen = columns[:, pick.signals].copy()
     seen[np.ix_(~taut, pick.cable)] = 0.0
@@ -49,14 +50,14 @@ def test_products_are_those_of_the_features(recorded: tuple[np.ndarray, np.ndarr
 def test_slack_moments_count_for_the_cable_alone(recorded: tuple[np.ndarray, np.ndarray, Sums]) -> None:
     columns, taut, sums = recorded
     hanging = columns[~taut][:, PICK.signals] * PICK.cable
-    slack = sums.slack(PICK)
+    slack = sums.slack_cable(PICK)
     assert slack is not None
     assert slack == pytest.approx(hanging.T @ hanging)
-    assert Sums(sums.products).slack(PICK) is None
+    assert Sums(sums.products).slack_cable(PICK) is None
 
 
 def weighted(
-    columns: np.ndarray, taut: np.ndarray, covariance: np.ndarray, mine: Pick, theirs: Pick
+    columns: np.ndarray, taut: np.ndarray, covariance: np.ndarray, mine: FeatureSet, theirs: FeatureSet
 ) -> np.ndarray:
     """Products sample by sample, under the inverse covariance of the equations that say anything then."""
     weights, others = np.linalg.inv(covariance), [r for r in Row if r != Row.CABLE]

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fingerlab.diagnosis.answer.results import Comparison, ExcludedInterval
-from fingerlab.diagnosis.answer.where import COORDINATES, profile, stretches_in, worst_run
+from fingerlab.diagnosis.answer.error_parts import Comparison, ExcludedInterval
+from fingerlab.diagnosis.answer.residual_profiles import COORDINATES, profile, stretches_in, worst_run
 from fingerlab.report.diagnosis_figures import where_figure
 from fingerlab.report.diagnosis_words import axis_title, bin_words, miss_words, worst_words
 

@@ -10,9 +10,10 @@ import pytest
 from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import Row, Term
 from fingerlab.effects.sensor_drift import STEADY_S
-from fingerlab.effects.transmission import CABLES, LATE, as_effects_see_it, driven_tension
+from fingerlab.effects.transmission import LATE, as_effects_see_it, driven_tension
 from fingerlab.physics import nominal
 from fingerlab.physics.nominal import JointMotion
+from fingerlab.sessions.model import CABLE_SIGN
 from tests.physics.test_friction_states import looped_stop
 
 from .moving import FINGER, MOTOR, bench, column, moving
@@ -199,7 +200,7 @@ def test_a_stretch_that_lags_lags_behind_what_the_sheath_leaves() -> None:
     sheath = {"share_extension": 1 / 3, "sheath_travel_deg": 0.1, "sheath_sharpness": 0.0, "sheath_held": 0.0}
     since = time[time >= 1.0] - 1.0
     rise = 3.0 * (0.02 / 0.004) * (1.0 - np.exp(-0.004 / 0.02))  # evenly, from one sample to the next
-    assert motion.cable_sign == CABLES["extension"]
+    assert motion.cable_sign == CABLE_SIGN["extension"]
     for behind, left in ((1.0, 2 / 3), (0.0, 1.0)):
         shape = {"time_constant": 0.02, **sheath, "sheath_stretch_behind": behind}
         (term,) = CATALOGUE["cable_stretch"].columns(motion, shape)

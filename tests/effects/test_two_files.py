@@ -1,15 +1,19 @@
-"""A made-up effect is two files, put into a copy of the program; all that lists effects then has it."""
+"""An effect is two files: all that lists effects has a made-up one that is put into a copy of the program."""
 
 from __future__ import annotations
 
+import ast
 import json
 import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+
+from fingerlab.effects import CATALOGUE
 
 ROOT = Path(__file__).parents[2]
 LAW = '''"""A seal that drags in proportion to the motor's speed."""
@@ -178,3 +182,30 @@ def test_it_is_put_in_found_again_and_printed_with_its_equation(copy: Path) -> N
     assert r"\tau_m &= S\,\dot\theta_m" in equation
     value = equation.split("| $S$ | Drag of the seal | $")[1].split(r" \pm")[0]
     assert float(value) == pytest.approx(6e-3, rel=0.05)  # what was put in
+
+
+OTHER = {
+    "fingerlab/rig/file.py": {"added_mass"},  # a change of the rig that a run tells
+    "ui/lab/practice.py": {"coulomb_friction", "cable_slack"},  # which examples there are
+}
+"""Names that are no knowledge of an effect."""
+
+
+def sources() -> Iterator[tuple[str, ast.Module]]:
+    """Every file of the program but the effects' and the simulator's, by its place in the repository."""
+    for part in ("fingerlab", "ui"):
+        for path in sorted((ROOT / part).rglob("*.py")):
+            name = path.relative_to(ROOT).as_posix()
+            if not name.startswith(("fingerlab/effects/", "fingerlab/twin/", "fingerlab/ui/")):
+                yield name, ast.parse(path.read_text(encoding="utf-8"))
+
+
+def test_no_effect_is_named_outside_of_its_files() -> None:
+    named = {
+        (name, node.value.partition(".")[0])
+        for name, tree in sources()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Constant) and isinstance(node.value, str)
+        if node.value.partition(".")[0] in CATALOGUE
+    }
+    assert named == {(name, effect) for name, effects in OTHER.items() for effect in effects}

@@ -62,7 +62,7 @@ class _Told:
         labels: dict[int, tuple[str, str]] = {}
         for signal, f in zip(layout.signals, layout.features, strict=True):
             owner = f.owner or NOMINAL
-            what = (f.parameter, f.constant, f.scale, f.shift, f.routed, f.borrowed, f.factor)
+            what = (f.parameter, f.constant, f.scale, f.shift, f.per_cable, f.shares_nuisance, f.factor)
             label = (f"{owner} {f.shape:04d} {int(f.row)} {what}", owner)
             labels[int(signal)] = min(label, labels.get(int(signal), label))
         ordered = sorted(labels, key=lambda signal: (labels[signal], signal))
@@ -84,7 +84,7 @@ class _Told:
             "runs": list(sums.runs),
             "samples": [sums.taut_samples, sums.slack_samples, sums.rest_samples],
             "products": self.array(sums.products),
-            "loose": self.array(sums.loose),
+            "loose": self.array(sums.slack),
             "rest": self.array(sums.rest),
         }
 
@@ -95,7 +95,7 @@ def _group(
     model, values, weights = fitted.model, fitted.fit.values, fitted.weights[group.key]
     return {
         "folds": [told.sums(fold) for fold in group.folds],
-        "conditions and turns": [[fold.condition, fold.turn] for fold in group.dealt],
+        "conditions and turns": [[fold.condition, fold.split] for fold in group.dealt],
         "noise as read": noise_read,
         "noise": told.array(group.noise),
         "noise samples": [float(noise_samples), float(group.noise_samples)],

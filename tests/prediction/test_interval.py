@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fingerlab.prediction.extended import RunError, calibrate, error_of
+from fingerlab.prediction.error_band import RunError, calibrate, error_of
 
 RATE_HZ = 25.0
 TIME = np.arange(450) / RATE_HZ  # 18 s: a contact run of the rich protocol

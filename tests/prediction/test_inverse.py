@@ -16,7 +16,8 @@ from fingerlab.core.errors import UserError
 from fingerlab.effects import CATALOGUE
 from fingerlab.models.file import ParameterEstimate, write_model
 from fingerlab.prediction import fit_extended, model_of_extended
-from fingerlab.prediction.extended import CELLS, Band, ChosenEffect, Variant
+from fingerlab.prediction.error_band import CELLS, Band
+from fingerlab.prediction.extended import ChosenEffect, Variant
 from fingerlab.prediction.force import contact_stretches, solved_forces
 from fingerlab.prediction.inverse import LEAD_S, needed_torque
 from fingerlab.prediction.target import ContactPose, pose_by_hand, pose_of_run, wanted_force

@@ -14,15 +14,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fingerlab.diagnosis.answer.results import (
-    Candidate,
-    Comparison,
-    Diagnosis,
-    EquationError,
-    Failure,
-    Fingerprint,
-    PathStep,
-)
+from fingerlab.diagnosis.answer.error_parts import Comparison, EquationError
+from fingerlab.diagnosis.answer.results import Candidate, Diagnosis, Failure, Fingerprint, PathStep
 from fingerlab.models.file import ParameterEstimate
 
 STIFFNESS, AMPLITUDE, FRICTION, FLOOR, RATE = 0.05, 0.3, 0.0048, 0.0004, 25.0

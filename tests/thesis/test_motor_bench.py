@@ -80,7 +80,7 @@ def test_real_machine_against_plain_least_squares(shared_data: Path) -> None:
     session = open_session(shared_data / "cable-tool.h5")
     columns, torque = [], []
     for run in session.runs:
-        signals = prepare(run, session.rig)
+        signals = prepare(run)
         part = slice(2000, len(signals) - 500)
         load = signals.load_torque
         columns.append(

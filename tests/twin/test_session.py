@@ -16,7 +16,7 @@ from fingerlab.core.errors import UserError
 from fingerlab.sessions import open_session
 from fingerlab.twin.effects import EFFECTS
 from fingerlab.twin.protocols import PROTOCOLS, RunPlan, load_preset, parse_preset, single_run
-from fingerlab.twin.session import PRACTISED, pick_hidden, reveal_session, seal, unseal, write_session
+from fingerlab.twin.session import pick_hidden, reveal_session, seal, unseal, write_session
 
 SHORT = [
     RunPlan(
@@ -92,7 +92,7 @@ def reveal_dry(seed: int) -> bool:
 def test_practice_always_hides_an_effect_that_the_protocols_show() -> None:
     rng = np.random.default_rng(0)
     drawn = [pick_hidden(["on_air", "contact"], rng, practice=True) for _ in range(300)]
-    assert {name for effects in drawn for name in effects} == set(PRACTISED)
+    assert {name for effects in drawn for name in effects} == {e.id for e in EFFECTS.values() if e.practised}
     for effects in drawn:
         ((name, values),) = effects.items()
         first = EFFECTS[name].parameters[0]

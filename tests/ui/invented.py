@@ -10,15 +10,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from fingerlab.diagnosis.answer.results import (
-    Candidate,
-    Comparison,
-    Diagnosis,
-    EquationError,
-    Failure,
-    Fingerprint,
-    PathStep,
-)
+from fingerlab.diagnosis.answer.error_parts import Comparison, EquationError
+from fingerlab.diagnosis.answer.results import Candidate, Diagnosis, Failure, Fingerprint, PathStep
 from fingerlab.models.file import ParameterEstimate
 from fingerlab.prediction.trial import CAUSES, ForceError, ModelForce, Trial, TrialRun
 

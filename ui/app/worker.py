@@ -17,7 +17,7 @@ from typing import Any
 from PySide6.QtCore import QObject, QThread, Signal
 
 from fingerlab.core.errors import Cancelled, UserError
-from fingerlab.core.priority import ABOVE_NORMAL_CLASS, NORMAL_CLASS, ask_for, own_niceness
+from fingerlab.core.progress import ABOVE_NORMAL_CLASS, NORMAL_CLASS, ask_for, own_niceness
 
 Progress = Callable[[float, str], None]
 IsCancelled = Callable[[], bool]

@@ -29,7 +29,7 @@ from ..widgets.theme import colours_of, line, small_font
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from fingerlab.diagnosis.answer.results import Budget
+    from fingerlab.diagnosis.answer.error_parts import Budget
 
 WIDTH, HEIGHT = 1040, 700
 THICK = 0.62

@@ -27,6 +27,7 @@ from PySide6.QtWidgets import (
 
 from fingerlab.core.text import percent, score_text
 from fingerlab.diagnosis.answer.results import Diagnosis
+from fingerlab.diagnosis.score.calibration import Verdict
 from fingerlab.report.diagnosis_words import called, in_sentence, listed, suspects
 
 from ..widgets.fields import set_usable
@@ -35,9 +36,7 @@ from ..widgets.tables import WholeLabel, copies, with_tabs
 from ..widgets.theme import Colours, colours_of, large_font, small_font, tint
 from .result_words import (
     EXCHANGE_MARK,
-    NOTHING,
     OUTCOME_TITLES,
-    UNKNOWN,
     bench_words,
     best_choice,
     set_help,
@@ -82,10 +81,9 @@ def rows_of(diagnosis: Diagnosis) -> list[CandidateRow]:
         )
         for c in diagnosis.candidates
     ]
-    rows += [
-        CandidateRow(NOTHING, OUTCOME_TITLES[NOTHING], diagnosis.probability_nothing, False, True),
-        CandidateRow(UNKNOWN, OUTCOME_TITLES[UNKNOWN], diagnosis.probability_unknown, False, True),
-    ]
+    chances = (diagnosis.probability_nothing, diagnosis.probability_unknown)
+    outcomes = zip(OUTCOME_TITLES.items(), chances, strict=True)
+    rows += [CandidateRow(outcome, title, chance, False, True) for (outcome, title), chance in outcomes]
     first = diagnosis.verdict
     return sorted(rows, key=lambda row: (row.key != first, not row.detectable, -row.probability))
 
@@ -173,7 +171,7 @@ def row_places(row: QRect, metrics: QFontMetrics) -> RowPlaces:
     room = row.adjusted(GAP, 0, -GAP, 0)
     mark = max(map(metrics.horizontalAdvance, (SET_MARK, EXCHANGE_MARK))) + GAP // 2
     bar, number = int(room.width() * BAR_SHARE), metrics.horizontalAdvance("> 99 %")
-    # Where room is short the title has it: the error is in the tooltip, and foretold by the bar below.
+    # Where room is short the title has it: the error is in the tooltip, and predicted by the bar below.
     tight = room.width() < TIGHT_LETTERS * metrics.averageCharWidth()
     score = 0 if tight else metrics.horizontalAdvance(f"> {MOST_FLOORS:.0f}")
     title = room.width() - mark - bar - number - score - 3 * GAP
@@ -380,7 +378,7 @@ class CandidatesPanel(QWidget):
 
     def _ask(self) -> None:
         row = self.chosen_row()
-        if row is not None and row.key == UNKNOWN and self.add_button.isEnabled():
+        if row is not None and row.key == Verdict.NOT_IN_CATALOGUE and self.add_button.isEnabled():
             self.own_asked.emit()
         elif row is not None and self.add_button.isEnabled():
             self.add_asked.emit(row.key)
@@ -389,7 +387,7 @@ class CandidatesPanel(QWidget):
         row = self.chosen_row()
         if row is None:
             why = "Choose an effect first."
-        elif row.key in OUTCOME_TITLES and row.key != UNKNOWN:
+        elif row.key in OUTCOME_TITLES and row.key != Verdict.NOT_IN_CATALOGUE:
             why = f"“{row.title}” is a result, not an effect: there is nothing to add."
         elif self._busy:
             why = "Work is running; wait for it or cancel it below."
@@ -400,7 +398,7 @@ class CandidatesPanel(QWidget):
         self.add_button.setText("Exchange in &the model" if gone else "Add &to model")
         there = f"in place of {gone}" if gone else "in the model"
         help_text = f"Refit with {row.title} {there} (Enter)." if row is not None else ""
-        if row is not None and row.key == UNKNOWN:
+        if row is not None and row.key == Verdict.NOT_IN_CATALOGUE:
             self.add_button.setText("Wri&te an effect of your own…")
             help_text = OWN_HELP
         self.add_button.setToolTip(why or help_text)

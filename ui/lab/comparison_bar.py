@@ -11,14 +11,14 @@ from PySide6.QtCore import QPointF, QRectF, QSize, Qt, Signal
 from PySide6.QtGui import QBrush, QColor, QFontMetrics, QFontMetricsF, QPainter, QPaintEvent, QResizeEvent
 from PySide6.QtWidgets import QButtonGroup, QComboBox, QHBoxLayout, QLabel, QPushButton, QSizePolicy, QWidget
 
-from fingerlab.diagnosis.answer.results import EQUATION_TITLES, Comparison, EquationError
+from fingerlab.diagnosis.answer.error_parts import EQUATIONS, Comparison, EquationError, equation_of
 from fingerlab.sessions.model import Run, Session
 
 from ..widgets.layout import FLUSH, as_written, described, hbox
 from ..widgets.tables import ElidedLabel
 from ..widgets.theme import Colours, colours_of, line, small_font, tint
 from .comparison_curves import joined
-from .result_words import FLOOR_HELP, equation_text, error_texts, run_text
+from .result_words import FLOOR_HELP, error_texts, run_text
 
 ERROR_HELP = f"Error on held-out runs: nominal model → present model. {FLOOR_HELP}"
 WHAT_IF_HELP = f"Error on all runs: as fitted → with the values moved in the table below. {FLOOR_HELP}"
@@ -254,7 +254,7 @@ class ComparisonBar(QWidget):
         self._layout = hbox(self, margins=FLUSH, spacing=4)
         self._group = QButtonGroup(self)
         self._buttons: dict[str, QPushButton] = {}
-        for equation in EQUATION_TITLES:
+        for equation in EQUATIONS:
             self._add_button(equation)
         self.runs = described(
             QComboBox(), "runs", accessible="Run shown", tip="Run shown (Alt+Up, Alt+Down for the next)."
@@ -275,12 +275,12 @@ class ComparisonBar(QWidget):
         self._layout.addWidget(self.error)
 
     def _add_button(self, equation: str) -> None:
-        text = equation_text(equation)
+        text = equation_of(equation)
         button = QPushButton(text.button)
         button.setObjectName(f"equation_{equation}")
         button.setCheckable(True)
         button.setToolTip(text.help)
-        button.setAccessibleName(EQUATION_TITLES[equation])
+        button.setAccessibleName(text.title)
         button.clicked.connect(self._on_equation)
         button.hide()
         self._group.addButton(button)
@@ -299,7 +299,7 @@ class ComparisonBar(QWidget):
         keep_equation, keep_run = self.equation(), self.runs.currentData()
         self._comparisons = joined(comparisons)
         self._sessions = {c.session: _session_of(c, sessions) for c in comparisons} if sessions else {}
-        present = [e for e in EQUATION_TITLES if any(key[0] == e for key in self._comparisons)]
+        present = [e for e in EQUATIONS if any(key[0] == e for key in self._comparisons)]
         for equation, button in self._buttons.items():
             button.setVisible(equation in present)
         if not present:

@@ -8,11 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fingerlab.core.text import ScreenUnit, decimals_for, fixed, screen_unit
-from fingerlab.diagnosis.answer.results import Comparison, ExcludedInterval
+from fingerlab.diagnosis.answer.error_parts import Comparison, ExcludedInterval, equation_of
 from fingerlab.report.score_words import ASIDE_WORDS, WEIGHED_LESS, aside_text
 from fingerlab.sessions.model import Array
-
-from .result_words import equation_text
 
 MARGIN = 0.06
 """Share of the value range left free above and below the curves."""
@@ -136,7 +134,7 @@ def describe(shown: ScaledComparison, floor: float) -> str:
     rms = float(np.sqrt(np.mean(finite**2))) if len(finite) else 0.0
     decimals = decimals_for(floor * 0.3)
     return (
-        f"{equation_text(shown.comparison.equation).quantity}, run {shown.comparison.run}: residual "
+        f"{equation_of(shown.comparison.equation).quantity}, run {shown.comparison.run}: residual "
         f"{fixed(rms, decimals)} {shown.residual_unit.symbol} root mean square, "
         f"floor {fixed(floor, decimals)}."
     )
@@ -174,7 +172,6 @@ def _join(pieces: list[Comparison]) -> Comparison:
         measured=np.concatenate(measured),
         modelled=np.concatenate(modelled),
         floor=float(np.average([p.floor for p in pieces], weights=counts)),
-        held_out=all(p.held_out for p in pieces),
         aside=tuple(one for p in pieces for one in p.aside),
         coordinates={
             name: np.concatenate([part for p in pieces for part in (p.coordinates[name], _GAP)])

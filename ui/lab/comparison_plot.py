@@ -11,7 +11,8 @@ from PySide6.QtCore import QEvent, QPointF, Qt, Signal
 from PySide6.QtGui import QKeyEvent
 from PySide6.QtWidgets import QWidget
 
-from fingerlab.diagnosis.answer.results import Comparison, Failure
+from fingerlab.diagnosis.answer.error_parts import Comparison, equation_of
+from fingerlab.diagnosis.answer.results import Failure
 from fingerlab.report.diagnosis_words import in_sentence
 from fingerlab.sessions.model import Array
 
@@ -43,7 +44,7 @@ from .comparison_curves import (
     values_at,
     values_between,
 )
-from .result_words import equation_text, failure_words
+from .result_words import failure_words
 
 AXIS_WIDTH = 72
 LEAST_HEIGHT = 168
@@ -145,7 +146,7 @@ class ComparisonPlot(pg.GraphicsLayoutWidget):
         comparison = self.comparison
         if comparison is None:
             return ""
-        name, quantity = Path(comparison.session).stem, equation_text(comparison.equation).quantity
+        name, quantity = Path(comparison.session).stem, equation_of(comparison.equation).quantity
         return f"{name}, run {comparison.run}: {in_sentence(quantity)}"
 
     def show_comparison(
@@ -205,7 +206,7 @@ class ComparisonPlot(pg.GraphicsLayoutWidget):
         shown = self._shown
         if shown is None:
             return
-        label_left(self.top, equation_text(shown.comparison.equation).quantity, shown.unit)
+        label_left(self.top, equation_of(shown.comparison.equation).quantity, shown.unit)
         label_left(self.bottom, "Residual", shown.residual_unit)
 
     def _set_value_ranges(self, shown: ScaledComparison, floor: float, keep_view: bool) -> None:

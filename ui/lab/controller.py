@@ -30,7 +30,7 @@ from ..app.context import part_of
 from ..app.worker import IsCancelled, Progress, Work, Worker
 
 if TYPE_CHECKING:
-    from fingerlab.diagnosis.answer.errors import ParameterExplorer
+    from fingerlab.diagnosis.answer.parameter_explorer import ParameterExplorer
     from fingerlab.diagnosis.draft.laws import DraftLaw
     from fingerlab.diagnosis.gram.reduction import Reduction
 
@@ -144,7 +144,7 @@ class SessionDiagnosis:
     ) -> ParameterExplorer:
         """The parameters of a diagnosed model, to be moved; called in the worker, too."""
         from fingerlab.core.progress import Watch
-        from fingerlab.diagnosis.answer.errors import ParameterExplorer
+        from fingerlab.diagnosis.answer.parameter_explorer import ParameterExplorer
 
         return ParameterExplorer(self._reduction(sessions), diagnosis, Watch(progress, cancelled))
 

@@ -143,7 +143,7 @@ class ErrorPath(QWidget):
         self.show_forecast("")
 
     def show_forecast(self, effect: str) -> None:
-        """Foretell the error with this effect (an id); for an outcome, what the path would add."""
+        """Predict the error with this effect (an id); for an outcome, what the path would add."""
         self.bars = bars_of(self._history, effect, self._look) if self._history is not None else []
         self.setAccessibleDescription(self.text())
         self.update()

@@ -11,7 +11,8 @@ from PySide6.QtGui import QPen
 from PySide6.QtWidgets import QHBoxLayout, QWidget
 
 from fingerlab.core.text import ScreenUnit, estimate_text, printed, screen_unit
-from fingerlab.diagnosis.answer.results import EQUATION_TITLES, Candidate, Diagnosis, Fingerprint
+from fingerlab.diagnosis.answer.error_parts import EQUATIONS, equation_of
+from fingerlab.diagnosis.answer.results import Candidate, Diagnosis, Fingerprint
 from fingerlab.report.diagnosis_words import FAMILY_TITLES, in_sentence, listed, suspects
 from fingerlab.report.parameter_words import parameter_titles
 from fingerlab.sessions.model import Array
@@ -23,7 +24,7 @@ from ..widgets.tables import ElidedLabel, WholeLabel
 from ..widgets.theme import colours_of, line, small_font, tint
 from .comparison_bar import FINGERPRINT, LOOK_ALIKES, RESIDUAL_ONLY, LegendKeys
 from .comparison_curves import largest
-from .result_words import FLOOR_HELP, OUTCOME_TITLES, equation_text, find_candidate, outcome_explanation
+from .result_words import FLOOR_HELP, OUTCOME_TITLES, find_candidate, outcome_explanation
 
 AXIS_WIDTH = 72
 
@@ -124,7 +125,7 @@ class FingerprintPlot(pg.PlotWidget):
         bottom, top = span_of(np.concatenate([low, high, curve if with_curve else mean, edges, *others]))
         plot.setRange(xRange=span_of(x), yRange=(bottom, top), padding=0)
         self.setAccessibleDescription(
-            f"{equation_text(fingerprint.equation).quantity} residual in {up.symbol} against "
+            f"{equation_of(fingerprint.equation).quantity} residual in {up.symbol} against "
             f"{fingerprint.coordinate} in {across.symbol}, {int(known.sum())} bins"
         )
 
@@ -284,7 +285,7 @@ def _strength(candidate: Candidate) -> str:
 
 
 def _place(name: str) -> str:
-    return in_sentence(EQUATION_TITLES.get(name) or FAMILY_TITLES.get(name, name))
+    return in_sentence(EQUATIONS[name].title if name in EQUATIONS else FAMILY_TITLES.get(name, name))
 
 
 def _floor(fingerprint: Fingerprint | None, diagnosis: Diagnosis) -> float | None:
@@ -301,7 +302,7 @@ def _plot_help(fingerprint: Fingerprint | None, with_curve: bool) -> str:
     if fingerprint is None:
         return ""
     text = (
-        f"Residual of the {equation_text(fingerprint.equation).quantity} equation, averaged in bins of "
+        f"Residual of the {equation_of(fingerprint.equation).quantity} equation, averaged in bins of "
         f"{fingerprint.coordinate}: points with the 90 % interval of the mean (orange). "
     )
     if with_curve:

@@ -9,8 +9,9 @@ from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QPushButton, QStackedWidget, QWidget
 
 from fingerlab.core.errors import UserError
-from fingerlab.diagnosis.answer.results import Comparison
-from fingerlab.diagnosis.answer.where import Profile, full_rate, stretches_in, worst_run
+from fingerlab.diagnosis.answer.error_parts import Comparison, equation_of
+from fingerlab.diagnosis.answer.residual_profiles import Profile, full_rate, stretches_in, worst_run
+from fingerlab.diagnosis.score.calibration import Verdict
 from fingerlab.models.file import View
 from fingerlab.report.diagnosis_words import bin_words, not_shown
 from fingerlab.sessions.model import Array
@@ -26,9 +27,9 @@ from .evidence import EvidencePanel
 from .lab_frame import BetterModelBanner, StepsColumn
 from .model_dialogs import ScorePartsDialog
 from .parameters import ParametersPanel
-from .result_words import NOTHING, UNKNOWN, best_choice, equation_text, find_candidate, step_results
+from .residual_profiles import ProfilePanel
+from .result_words import best_choice, find_candidate, step_results
 from .validation import ValidationPanel
-from .where import WherePanel
 
 if TYPE_CHECKING:
     from .budget import BudgetDialog
@@ -55,7 +56,7 @@ class LabView(QWidget):
         self.plot = ComparisonPlot()
         self.candidates = CandidatesPanel()
         self.evidence = EvidencePanel()
-        self.where = WherePanel()
+        self.where = ProfilePanel()
         self.validation = ValidationPanel()
         self.path = PathPanel()
         self.better = BetterModelBanner()
@@ -162,10 +163,10 @@ class LabView(QWidget):
         pressed = any(run.phase == "contact" for one in self.controller.sessions for run in one.runs)
         self.validation.show_history(history, pressed)
         self.steps.set_results(step_results(diagnosis, history))
-        if history.now.added or diagnosis.verdict == NOTHING:
+        if history.now.added or diagnosis.verdict == Verdict.NOTHING_MISSING:
             self.steps.set_current("true")
         else:
-            self.steps.set_current("missing" if diagnosis.verdict == UNKNOWN else "add")
+            self.steps.set_current("missing" if diagnosis.verdict == Verdict.NOT_IN_CATALOGUE else "add")
         # Where nothing is missing but not all was visible, the proposed run is what to look at next.
         validation = history.now.added or not_shown(diagnosis)
         self.right.setCurrentWidget(self.validation if validation else self.evidence)
@@ -316,7 +317,7 @@ class LabView(QWidget):
         )
         self.plot.show_full_rate(self._full_rate(comparison))
         self._show_where()
-        family = equation_text(comparison.equation).family
+        family = equation_of(comparison.equation).family
         now = diagnosis.errors.get(family)
         first = history.first.diagnosis.errors.get(family, now)
         moved = self.parameters.errors_of(family)

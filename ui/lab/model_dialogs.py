@@ -24,7 +24,8 @@ from PySide6.QtWidgets import (
 )
 
 from fingerlab.core.text import ScreenUnit, score_text, screen_unit
-from fingerlab.diagnosis.answer.results import Comparison, Diagnosis
+from fingerlab.diagnosis.answer.error_parts import Comparison, equation_of
+from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.models.file import Held, ModelKey, TriedModel
 from fingerlab.report.diagnosis_words import (
     FAMILY_TITLES,
@@ -51,7 +52,7 @@ from ..widgets.series import Series
 from ..widgets.tables import NumberTable, WholeLabel, heading, remark
 from ..widgets.theme import colours_of, small_font, tint
 from .comparison_curves import largest
-from .result_words import equation_text, error_texts
+from .result_words import error_texts
 
 PROJECT_WIDTH, PROJECT_HEIGHT = 560, 380
 
@@ -361,7 +362,7 @@ class SideBySideDialog(QDialog):
         self.evidence.setText(self._evidence_words())
         both = [self._comparison(one) for one in pair]
         there = both[0] is not None and both[1] is not None
-        quantity = equation_text(self._place[0]).quantity
+        quantity = equation_of(self._place[0]).quantity
         self.title.setText(
             f"{quantity}, run {self._place[2]}: what A (solid) and B (dashed) leave over" if there else ""
         )

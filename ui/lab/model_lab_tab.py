@@ -11,7 +11,7 @@ from PySide6.QtCore import Qt, QTimer, SignalInstance
 from PySide6.QtWidgets import QFileDialog
 
 from fingerlab.core.errors import UserError
-from fingerlab.diagnosis.answer.results import EQUATION_TITLES
+from fingerlab.diagnosis.answer.error_parts import EQUATIONS
 
 from ..app.context import ApplicationContext
 from ..app.tab_registry import SEPARATOR, Command, Tab
@@ -114,13 +114,13 @@ class ModelLabTab(Tab):
         )
         equations = (
             Command(
-                title,
+                words.title,
                 lambda e=equation: self.view.bar.choose_equation(e),  # type: ignore[misc]
                 f"Alt+{number}",
                 lambda e=equation: e in self._equations(),  # type: ignore[misc]
                 within="E&quation",
             )
-            for number, (equation, title) in enumerate(EQUATION_TITLES.items(), start=1)
+            for number, (equation, words) in enumerate(EQUATIONS.items(), start=1)
         )
         return (
             *steps,

@@ -15,7 +15,8 @@ from PySide6.QtGui import QFontMetrics
 from PySide6.QtWidgets import QCheckBox, QHeaderView, QPushButton, QSlider, QTableWidgetItem, QWidget
 
 from fingerlab.core.text import ScreenUnit, fixed, largest_of, score_text
-from fingerlab.diagnosis.answer.results import Comparison, Diagnosis, EquationError
+from fingerlab.diagnosis.answer.error_parts import Comparison, EquationError
+from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.models.file import Held
 from fingerlab.report.diagnosis_words import FAMILY_TITLES
 from fingerlab.report.parameter_words import cells, known_by, parameter_title, places_of, shown_unit
@@ -29,7 +30,7 @@ from .comparison_curves import joined, run_key
 from .result_words import error_texts
 
 if TYPE_CHECKING:
-    from fingerlab.diagnosis.answer.errors import FittedParameter, ParameterExplorer, WhatIf
+    from fingerlab.diagnosis.answer.parameter_explorer import FittedParameter, ParameterExplorer, WhatIf
 
 STEPS = 1000
 """Places of the slider."""
@@ -46,7 +47,7 @@ COLUMNS = (
     ("Unit", "Of all numbers of the row."),
     ("From", "Where the value comes from: these runs, the rig file, an assumption, your hand."),
 )
-FITTED, WHAT_IF, FROM = 1, 2, 6
+WHAT_IF, FROM = 2, 6
 LEFT = Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter
 RIGHT = Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
 

@@ -5,9 +5,8 @@ The instrument's modules are imported in the worker: the twin's compiler is slow
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from datetime import datetime
-from math import tan
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -143,51 +142,6 @@ def hidden_effects(session: Session) -> tuple[str, ...]:
 
 Hidden = Mapping[str, float]
 """An effect's constants in the simulator."""
-BOTH_JOINTS: dict[str, Callable[[Hidden], float]] = {
-    "mcp": lambda v: v["mcp"],
-    "pip": lambda v: v["mcp"] * v["pip_ratio"],
-}
-EXTRA: dict[str, Callable[[Hidden], float]] = {
-    f"extra_{joint}": lambda v, size=size: size(v) * v["excess"]  # type: ignore[misc]
-    for joint, size in BOTH_JOINTS.items()
-}
-
-
-def _joints(gain: str) -> dict[str, Callable[[Hidden], float]]:
-    return {f"{gain}_{joint}": size for joint, size in BOTH_JOINTS.items()}
-
-
-FITTED_AS: dict[str, dict[str, Callable[[Hidden], float]]] = {
-    "viscous_friction": _joints("viscous"),
-    "coulomb_friction": _joints("coulomb"),
-    "stribeck_friction": _joints("coulomb") | EXTRA,
-    "presliding_hysteresis": _joints("dahl"),
-    "spring_hardening": _joints("cubic"),
-    "joint_coupling": {"coupling": lambda v: v["stiffness"]},
-    "gravity_tilt": {"tilt": lambda v: v["angle"]},
-    "backlash": {"half_gap": lambda v: 0.5 * v["play"]},
-    "cable_stretch": {"cable_compliance": lambda v: v["compliance"]},
-    "motor_coulomb_friction": {"coulomb": lambda v: v["torque"]},
-    "motor_viscous_friction": {"viscous": lambda v: v["coefficient"]},
-    "motor_inertia": {"inertia": lambda v: v["inertia"]},
-    "motor_stribeck_friction": {
-        "coulomb": lambda v: v["torque"],
-        "extra": lambda v: v["torque"] * v["excess"],
-    },
-    "motor_presliding": {"dahl": lambda v: v["torque"]},
-    "asymmetric_friction": {
-        "coulomb": lambda v: v["torque"],
-        "difference": lambda v: v["torque"] * v["asymmetry"],
-    },
-    "load_dependent_friction": {"share": lambda v: v["share"]},
-    "motor_spring": {"stiffness": lambda v: v["stiffness"]},
-    "transport_delay": {"delay": lambda v: v["delay"]},
-    "contact_angle": {"lean": lambda v: tan(v["angle"])},
-}
-"""What the fit should find, by its own names, of what the simulator was given; their sense may be turned.
-
-Effects that simulator and fit describe otherwise are left out: they are told as the simulator has them.
-"""
 
 
 def _effect_words(name: str, values: Hidden, fitted: Mapping[str, ParameterEstimate]) -> str:
@@ -196,11 +150,10 @@ def _effect_words(name: str, values: Hidden, fitted: Mapping[str, ParameterEstim
     from fingerlab.report.parameter_words import parameter_titles
     from fingerlab.twin.effects import EFFECTS
 
-    known = FITTED_AS.get(name, {})
-    if known and all(p.name in values for p in EFFECTS[name].parameters):
-        values, units = {gain: size(values) for gain, size in known.items()}, _fitted_units(name)
-    else:
-        units = {p.name: p.unit for p in EFFECTS[name].parameters} if name in EFFECTS else {}
+    plant = EFFECTS.get(name)
+    units = {} if plant is None else {p.name: p.unit for p in plant.parameters}
+    if plant is not None and plant.expected is not None and units.keys() <= values.keys():
+        values, units = plant.expected(values), _fitted_units(name)
     titles = parameter_titles(name, list(values))
     numbers = []
     for key, value in values.items():

@@ -3,18 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from fingerlab.core.text import NO_BREAK, decimals_for, fixed, percent, score_text, screen_unit
-from fingerlab.diagnosis.answer.results import (
-    EQUATION_TITLES,
-    Candidate,
-    Comparison,
-    Diagnosis,
-    EquationError,
-    Failure,
-)
+from fingerlab.diagnosis.answer.error_parts import Comparison, EquationError
+from fingerlab.diagnosis.answer.results import Candidate, Diagnosis, Failure
+from fingerlab.diagnosis.score.calibration import Verdict
 from fingerlab.report.diagnosis_words import (
     NOTHING_WORDS,
     PHASE_WORDS,
@@ -46,89 +40,13 @@ from fingerlab.sessions.trajectory import trajectory_words
 
 from .controller import ModelHistory
 
-
-@dataclass(frozen=True)
-class EquationText:
-    """``family`` is the key of ``Diagnosis.errors`` that the equation counts towards."""
-
-    button: str
-    quantity: str
-    family: str
-    help: str
-
-
-EQUATION_TEXTS = {
-    "mcp_torque": EquationText(
-        "MCP",
-        "MCP torque",
-        "joint_torque",
-        "Torque at the MCP joint, N m.\n"
-        "Measured: what the motor's torque gives at the joint, s·a·T.\n"
-        "Modelled: inertia, Coriolis, gravity and spring at the joint, less the losses: "
-        "LHS1 = s·a·T + L1 (thesis 3.16).\n"
-        "a moment arm (m), T cable tension (N), s +1 flexion, −1 extension.",
-    ),
-    "pip_torque": EquationText(
-        "PIP",
-        "PIP torque",
-        "joint_torque",
-        "Torque at the PIP joint, N m.\n"
-        "Measured: what the motor's torque gives at the joint, s·b·T.\n"
-        "Modelled: inertia, Coriolis, gravity and spring at the joint, less the losses: "
-        "LHS2 = s·b·T + L2 (thesis 3.17).\n"
-        "b moment arm (m), T cable tension (N), s +1 flexion, −1 extension.",
-    ),
-    "cable_kinematics": EquationText(
-        "Cable",
-        "Cable wound",
-        "cable_kinematics",
-        "Cable wound on the pulley, m.\n"
-        "Measured: pulley radius times motor angle, x = r·θm.\n"
-        "Modelled: what the joints call for while the cable is taut, x0 + s·(a·θ1 + b·θ2).\n"
-        "Slack, stretch and backlash show here and hardly anywhere else.",
-    ),
-    "endpoint_force_pip": EquationText(
-        "Force, PIP",
-        "Fingertip force",
-        "endpoint_force",
-        "Force of the fingertip on the load cell, N, compression positive.\n"
-        "Measured: load cell.\n"
-        "Modelled from the PIP balance: F = (s·b·T + L2 − LHS2) / lever (thesis 3.18).",
-    ),
-    "endpoint_force_mcp": EquationText(
-        "Force, MCP",
-        "Fingertip force",
-        "endpoint_force",
-        "Force of the fingertip on the load cell, N, compression positive.\n"
-        "Measured: load cell.\n"
-        "Modelled from the MCP balance: F = (s·a·T + L1 − LHS1) / lever. "
-        "It must agree with the PIP equation; where it does not, that is evidence.",
-    ),
-    "motor_torque": EquationText(
-        "Motor",
-        "Motor torque",
-        "motor_torque",
-        "Torque of the motor at its output, N m.\n"
-        "Measured: as it was logged, or torque constant × gear ratio × current.\n"
-        "Modelled: J·acceleration + gain·load + offset.",
-    ),
-}
-
 FLOOR_HELP, SCORE_HELP = meaning("floor"), meaning("score")
 
 
-def equation_text(equation: str) -> EquationText:
-    """Texts of an equation; of one that this window does not know, its id."""
-    known = EQUATION_TEXTS.get(equation)
-    if known is not None:
-        return known
-    title = EQUATION_TITLES.get(equation, equation.replace("_", " ").capitalize())
-    return EquationText(title, title, equation, title)
-
-
-NOTHING = "nothing_missing"
-UNKNOWN = "not_in_catalogue"
-OUTCOME_TITLES = {NOTHING: NOTHING_WORDS, UNKNOWN: UNKNOWN_WORDS}
+OUTCOME_TITLES: dict[str, str] = {
+    Verdict.NOTHING_MISSING: NOTHING_WORDS,
+    Verdict.NOT_IN_CATALOGUE: UNKNOWN_WORDS,
+}
 NAMED = 4
 """Effects that are named where room is short; the rest is counted, and marked in the list."""
 RUN_KEYS = ("kind", "amplitude_deg", "frequency_hz")
@@ -149,9 +67,10 @@ def find_candidate(diagnosis: Diagnosis, effect: str) -> Candidate | None:
 
 def best_choice(diagnosis: Diagnosis) -> str:
     """The effect id or outcome that the verdict names."""
-    if diagnosis.verdict == "missing_effect" and diagnosis.candidates:
+    if diagnosis.verdict == Verdict.MISSING_EFFECT and diagnosis.candidates:
         return diagnosis.candidates[0].effect
-    return UNKNOWN if diagnosis.verdict == UNKNOWN else NOTHING
+    unknown = diagnosis.verdict == Verdict.NOT_IN_CATALOGUE
+    return Verdict.NOT_IN_CATALOGUE if unknown else Verdict.NOTHING_MISSING
 
 
 AS_GOOD_AS_SAID = 0.5
@@ -168,7 +87,7 @@ def _verdict(diagnosis: Diagnosis) -> str:
     if diagnosis.better is not None:
         chance = percent(better_chance(diagnosis)).replace(" ", NO_BREAK)
         return f"Rather {exchange_words(diagnosis.better, diagnosis)}, {chance}"
-    if diagnosis.verdict == NOTHING:
+    if diagnosis.verdict == Verdict.NOTHING_MISSING:
         hider = could_hide(diagnosis)
         if hider is not None:
             chance = percent(hider.probability).replace(" ", NO_BREAK)
@@ -178,7 +97,7 @@ def _verdict(diagnosis: Diagnosis) -> str:
             return f"No effect is shown to be missing; that none is, {chance}"
         seen = " that these data could show" if not_shown(diagnosis) else ""
         return f"{'Nothing more' if diagnosis.model else 'Nothing'} is missing{seen}"
-    if diagnosis.verdict == UNKNOWN:
+    if diagnosis.verdict == Verdict.NOT_IN_CATALOGUE:
         sure = diagnosis.probability_unknown >= AS_GOOD_AS_SAID
         chance = percent(diagnosis.probability_unknown).replace(" ", NO_BREAK)
         return f"What is missing {'is not' if sure else 'may not be'} in the catalogue, {chance}"
@@ -222,7 +141,7 @@ def _set_words(diagnosis: Diagnosis) -> str:
     if diagnosis.better is not None and len(titles) < 2:
         return f"That the model is right as it is: {percent(diagnosis.probability_nothing)}."
     if len(titles) < 2:
-        if diagnosis.verdict == UNKNOWN:
+        if diagnosis.verdict == Verdict.NOT_IN_CATALOGUE:
             what = "what the path leaves" if worth_adding(diagnosis) else "it"
             return f"None of the {len(diagnosis.candidates)} effects tried explains {what}."
         return "Told apart from every other effect." if titles else "No effect is called for."
@@ -256,7 +175,7 @@ def outcome_explanation(outcome: str, diagnosis: Diagnosis) -> str:
     """The evidence for one of the two outcomes that are no effect."""
     score = score_text(diagnosis.score)
     model = "The model" if diagnosis.model else "The nominal model"
-    if outcome == NOTHING:
+    if outcome == Verdict.NOTHING_MISSING:
         chance = percent(diagnosis.probability_nothing)
         left = " What is left to it is what these data could not have shown." if not_shown(diagnosis) else ""
         return (
@@ -286,10 +205,10 @@ def step_results(diagnosis: Diagnosis, history: ModelHistory) -> dict[str, str]:
     """What each of the five steps found, in a few words; a step not yet done is left out."""
     results = {"compare": f"error {score_text(diagnosis.score)} × floor"}
     results["where"] = failure_words(diagnosis.failure)
-    if diagnosis.verdict == "missing_effect":
+    if diagnosis.verdict == Verdict.MISSING_EFFECT:
         best = diagnosis.candidates[0]
         results["missing"] = f"{best.title} {percent(best.probability).replace(' ', NO_BREAK)}"
-    elif diagnosis.verdict == UNKNOWN:
+    elif diagnosis.verdict == Verdict.NOT_IN_CATALOGUE:
         results["missing"] = "not in the catalogue"
     elif (hider := could_hide(diagnosis)) is not None:
         chance = percent(hider.probability).replace(" ", NO_BREAK)
@@ -304,13 +223,13 @@ def step_results(diagnosis: Diagnosis, history: ModelHistory) -> dict[str, str]:
         results["add"] = " + ".join(on_the_path(diagnosis, effect) for effect in history.now.added)
     if diagnosis.better is not None:
         results["true"] = "no, another is better"
-    elif rivalled(diagnosis) and diagnosis.verdict == NOTHING:
+    elif rivalled(diagnosis) and diagnosis.verdict == Verdict.NOTHING_MISSING:
         results["true"] = "perhaps, as is another"
     elif holds(diagnosis):
         results["true"] = _holds_words(diagnosis)
-    elif diagnosis.verdict == NOTHING:
+    elif diagnosis.verdict == Verdict.NOTHING_MISSING:
         results["true"] = "too much is left"
-    elif history.now.added or diagnosis.verdict == UNKNOWN:
+    elif history.now.added or diagnosis.verdict == Verdict.NOT_IN_CATALOGUE:
         results["true"] = "not yet"
     return results
 

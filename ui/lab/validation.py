@@ -14,6 +14,7 @@ from fingerlab.core.errors import UserError
 from fingerlab.core.files import put_in_place
 from fingerlab.core.text import score_text
 from fingerlab.diagnosis.answer.results import Diagnosis, HeldOutRuns
+from fingerlab.diagnosis.score.calibration import Verdict
 from fingerlab.models.file import ModelKey
 from fingerlab.report.diagnosis_words import (
     PHASE_WORDS,
@@ -37,7 +38,7 @@ from ..widgets.layout import ButtonRows, described
 from ..widgets.tables import NumberTable, WholeLabel
 from ..widgets.theme import large_font, small_font
 from .controller import LabController, ModelHistory
-from .result_words import NOTHING, UNKNOWN, error_texts, motor_words, next_experiment_words
+from .result_words import error_texts, motor_words, next_experiment_words
 
 if TYPE_CHECKING:
     from fingerlab.models.file import SavedModel
@@ -182,7 +183,7 @@ class ValidationPanel(QWidget):
         model = "The nominal model" if not names else f"The model with {listed(names)}"
         if diagnosis.better is not None:
             self.title.setText("Not true: another model is better")
-        elif rivalled(diagnosis) and diagnosis.verdict == NOTHING:
+        elif rivalled(diagnosis) and diagnosis.verdict == Verdict.NOTHING_MISSING:
             self.title.setText("Perhaps true: another model is as good")
         elif holds(diagnosis) and alone(diagnosis):
             self.title.setText("True of this one run, which the fit has seen")
@@ -190,9 +191,9 @@ class ValidationPanel(QWidget):
             self.title.setText("Perhaps true: an effect could hide")
         elif holds(diagnosis):
             self.title.setText("True, as far as these recordings can show")
-        elif diagnosis.verdict == NOTHING:
+        elif diagnosis.verdict == Verdict.NOTHING_MISSING:
             self.title.setText("Not shown to be true: too much is left")
-        elif diagnosis.verdict == UNKNOWN:
+        elif diagnosis.verdict == Verdict.NOT_IN_CATALOGUE:
             self.title.setText("Not true yet, and the catalogue cannot make it so")
         else:
             self.title.setText("Not true yet")

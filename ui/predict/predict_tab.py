@@ -26,7 +26,7 @@ from .force_plots import ForcePlot, PeriodPlot, SweepPlot
 from .wanted_force import WantedView
 
 if TYPE_CHECKING:
-    from fingerlab.prediction.comparing import Beside, ModelComparison
+    from fingerlab.prediction.comparing import ModelComparison, ModelForces
     from fingerlab.sessions.model import Session
 
     from .force_panel import ModelsDialog
@@ -57,10 +57,10 @@ class PredictTab(Tab):
         super().__init__(context)
         self.sessions: tuple[Session, ...] = ()
         self.models: dict[str, SavedModel] = {}
-        self.found: Beside | None = None
+        self.found: ModelForces | None = None
         self._compared: ModelsDialog | None = None
         self._due = self._shown = False
-        self._steps: UndoSteps[tuple[dict[str, SavedModel], Beside | None]] = UndoSteps(self)
+        self._steps: UndoSteps[tuple[dict[str, SavedModel], ModelForces | None]] = UndoSteps(self)
         self._given: tuple[object, object] = ((), ())
         self.panel = PredictPanel()
         self.force, self.period, self.sweep = ForcePlot(), PeriodPlot(), SweepPlot()
@@ -207,12 +207,12 @@ class PredictTab(Tab):
         opened, given = self.sessions, dict(models)
         self._due = False
 
-        def work(progress: Progress, cancelled: IsCancelled) -> Beside:
+        def work(progress: Progress, cancelled: IsCancelled) -> ModelForces:
             from fingerlab.prediction.comparing import predict_beside
 
             return predict_beside(opened[0], given, progress)
 
-        def done(found: Beside) -> None:
+        def done(found: ModelForces) -> None:
             if self.sessions is opened:
                 if given != self.models:
                     self._note()

@@ -1,4 +1,4 @@
-"""What a force trial came to: by how much the force error fell, what was foretold, what is left by cause."""
+"""What a force trial came to: by how much the force error fell, what was predicted, what is left by cause."""
 
 from __future__ import annotations
 

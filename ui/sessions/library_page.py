@@ -21,7 +21,7 @@ from PySide6.QtWidgets import (
 
 from fingerlab.core.errors import UserError
 from fingerlab.library.index import SessionFacts, text_list
-from fingerlab.library.notes import FILE_NAME, HELP, Note, Verdict, matches
+from fingerlab.library.notes import FILE_NAME, HELP, Note, StoredVerdict, matches
 from fingerlab.library.reviewing import Thumbnail
 
 from ..widgets.fields import set_usable
@@ -145,7 +145,7 @@ class DetailsPanel(QWidget):
         return self.note != self._kept
 
     def show_session(
-        self, facts: SessionFacts | None, note: Note, verdict: Verdict | None, chosen: int
+        self, facts: SessionFacts | None, note: Note, verdict: StoredVerdict | None, chosen: int
     ) -> None:
         """Show one session; ``chosen`` counts the rows that are marked."""
         self.flush()
@@ -184,7 +184,7 @@ class DetailsPanel(QWidget):
             self.noted.emit(self._facts, self.note)
 
 
-def about(facts: SessionFacts, verdict: Verdict | None) -> str:
+def about(facts: SessionFacts, verdict: StoredVerdict | None) -> str:
     """A session in a few lines."""
     if facts.problem:
         return facts.problem

@@ -10,6 +10,7 @@ from PySide6.QtGui import QFontMetrics
 from PySide6.QtWidgets import QHeaderView, QLabel, QTableWidgetItem, QWidget
 
 from fingerlab.core.text import ScreenUnit, fixed, largest_of, screen_unit
+from fingerlab.diagnosis.settings import Z90
 from fingerlab.report.comparison_words import (
     NOTABLE,
     cell,
@@ -72,7 +73,7 @@ class PairPlot(QuietPlot):
         self.name_axes(title, unit, "Phase (of a cycle)" if pair.periodic else "Time (s)")
         values = [y for _, y in curves]
         if self._difference:
-            half = 1.645 * one.scatter * unit.factor
+            half = Z90 * one.scatter * unit.factor
             zero = np.zeros(len(pair.axis))
             self.draw_band(pair.axis, zero, half, tint(colours_of(self).floor, 0.35), "scatter")
             values += [half[np.isfinite(half)], -half[np.isfinite(half)]]

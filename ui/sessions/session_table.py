@@ -24,8 +24,9 @@ from PySide6.QtGui import QPainter, QPolygonF
 from PySide6.QtWidgets import QApplication, QStyle, QStyledItemDelegate, QStyleOptionViewItem
 
 from fingerlab.core.text import percent, score_text
+from fingerlab.diagnosis.score.calibration import Verdict
 from fingerlab.library.index import UNWRITTEN, SessionFacts
-from fingerlab.library.notes import LibraryEntry, Note, Test, Verdict
+from fingerlab.library.notes import LibraryEntry, Note, StoredVerdict, Test
 from fingerlab.library.reviewing import Thumbnail, make_thumbnail
 from fingerlab.report.diagnosis_words import effect_title, in_sentence, listed
 from fingerlab.sessions.model import Run
@@ -78,7 +79,7 @@ def quality_text(facts: SessionFacts) -> str:
     return "\n".join(f"! {flag}" for flag in facts.flags[:2])
 
 
-def verdict_text(verdict: Verdict | None) -> str:
+def verdict_text(verdict: StoredVerdict | None) -> str:
     """The verdict in two lines, or nothing where no table holds one."""
     if verdict is None:
         return ""
@@ -95,12 +96,12 @@ def verdict_text(verdict: Verdict | None) -> str:
     return f"{words}\n{'outdated' if verdict.outdated else sure}"
 
 
-def unseen_in(verdict: Verdict) -> tuple[str, ...]:
+def unseen_in(verdict: StoredVerdict) -> tuple[str, ...]:
     """Where nothing is missing: ids of the effects that the session could not have shown."""
-    return verdict.effects if verdict.verdict == "nothing_missing" else ()
+    return verdict.effects if verdict.verdict == Verdict.NOTHING_MISSING else ()
 
 
-def _searched(verdict: Verdict | None) -> str:
+def _searched(verdict: StoredVerdict | None) -> str:
     """The verdict with every effect that it does not rule out: one is found by any of their names."""
     found = verdict_text(verdict)
     if verdict is None or unseen_in(verdict):
@@ -108,7 +109,7 @@ def _searched(verdict: Verdict | None) -> str:
     return "\n".join((found, *map(effect_title, verdict.effects)))
 
 
-def verdict_help(verdict: Verdict | None) -> str:
+def verdict_help(verdict: StoredVerdict | None) -> str:
     """Where the verdict comes from."""
     if verdict is None:
         return "Not diagnosed yet: no table of 'fingerlab batch' in this folder holds it."
@@ -137,7 +138,7 @@ class SessionTable(QAbstractTableModel):
         super().__init__()
         self._facts: dict[Path, SessionFacts] = {}
         self._notes: dict[Path, Note] = {}
-        self._verdicts: Mapping[Path, Verdict] = {}
+        self._verdicts: Mapping[Path, StoredVerdict] = {}
         self._test: Test = lambda _: True
         self._shown: list[Path] = []
         self._sort = (RECORDED, Qt.SortOrder.DescendingOrder)
@@ -145,7 +146,10 @@ class SessionTable(QAbstractTableModel):
     # what there is
 
     def show_all(
-        self, facts: Iterable[SessionFacts], notes: Mapping[Path, Note], verdicts: Mapping[Path, Verdict]
+        self,
+        facts: Iterable[SessionFacts],
+        notes: Mapping[Path, Note],
+        verdicts: Mapping[Path, StoredVerdict],
     ) -> None:
         """Replace everything."""
         self._facts = {one.path: one for one in facts}
@@ -160,7 +164,7 @@ class SessionTable(QAbstractTableModel):
             row = self._shown.index(path)
             self.dataChanged.emit(self.index(row, 0), self.index(row, len(TITLES) - 1))
 
-    def show_verdict(self, path: Path, verdict: Verdict) -> None:
+    def show_verdict(self, path: Path, verdict: StoredVerdict) -> None:
         """What was found of one session just now."""
         self._verdicts = {**self._verdicts, path: verdict}
         if path in self._shown:
@@ -189,7 +193,7 @@ class SessionTable(QAbstractTableModel):
         """What was noted of a session."""
         return self._notes.get(path, Note())
 
-    def verdict(self, path: Path) -> Verdict | None:
+    def verdict(self, path: Path) -> StoredVerdict | None:
         """What a batch found out about a session."""
         return self._verdicts.get(path)
 

@@ -14,7 +14,7 @@ from PySide6.QtWidgets import QFileDialog, QStackedWidget
 from fingerlab.core.errors import UserError
 from fingerlab.core.files import seen_as
 from fingerlab.library.index import SessionFacts, scan
-from fingerlab.library.notes import Note, Notebook, Verdict, find_verdicts, verdict_of
+from fingerlab.library.notes import Note, Notebook, StoredVerdict, find_verdicts, verdict_of
 from fingerlab.sessions.model import Session
 
 from ..app.bars import time_left
@@ -44,7 +44,7 @@ class FolderScan:
     folder: Path
     facts: tuple[SessionFacts, ...]
     notebook: Notebook
-    verdicts: dict[Path, Verdict]
+    verdicts: dict[Path, StoredVerdict]
     trouble: str
 
 

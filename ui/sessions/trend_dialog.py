@@ -14,30 +14,29 @@ from PySide6.QtWidgets import QComboBox, QLabel, QPushButton, QTabWidget, QWidge
 
 from fingerlab.batch.benches import folders_of, shared_effects, two_groups
 from fingerlab.batch.changes import BenchChange, NumberCourse, beside, changes, courses
-from fingerlab.batch.laws import Estimate
-from fingerlab.batch.settings import LEAST_SESSIONS, PROBABLE, STEPS
-from fingerlab.batch.strengths import with_strengths
-from fingerlab.batch.table import (
+from fingerlab.batch.followed import (
     DAYS_A_MONTH,
     LEAST_TIMES,
-    Contents,
-    Row,
     Trend,
     ageing_rows,
     days_of,
-    number_of,
-    recorded_at,
     trends,
+    with_strengths,
 )
+from fingerlab.batch.laws import Estimate
+from fingerlab.batch.settings import LEAST_SESSIONS, PROBABLE, STEPS
+from fingerlab.batch.table import Contents, Row, number_of, recorded_at
 from fingerlab.core.errors import UserError
 from fingerlab.core.text import ScreenUnit, largest_of, percent, screen_unit, with_minus
-from fingerlab.report.comparison_words import change_sentence, column_words, trend_cells
 from fingerlab.report.time_words import (
     KIND_WORDS,
     SHARED_HEADINGS,
+    change_sentence,
+    column_words,
     course_sentence,
     shared_cells,
     shared_sentence,
+    trend_cells,
 )
 from fingerlab.sessions.model import Array
 

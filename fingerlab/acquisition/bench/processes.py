@@ -30,7 +30,7 @@ from fingerlab.acquisition.recorder import Recorder
 from fingerlab.acquisition.ring import Ring
 from fingerlab.acquisition.status import SharedStatus, Slot, Text
 from fingerlab.core.errors import Cancelled, UserError
-from fingerlab.core.priority import HIGH_CLASS, ask_for
+from fingerlab.core.progress import HIGH_CLASS, ask_for
 from fingerlab.devices.protocol import Device, DeviceFault, DeviceLost
 
 LOOK_S = 0.1

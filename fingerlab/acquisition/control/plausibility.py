@@ -27,6 +27,7 @@ from fingerlab.acquisition.control.safety import (
 )
 from fingerlab.acquisition.control.units import BenchUnits, Line
 from fingerlab.rig.limits import Limits
+from fingerlab.sessions.model import CABLE_SIGN
 
 SENSORS = ("load cell", "MCP sensor", "PIP sensor", "current monitor")
 """In the order of the raw values."""
@@ -461,7 +462,7 @@ def safety_checks(
     period = 1.0 / rate_hz
     sensors = sensors_of(set_up)
     finger, force = 1 in sensors, 0 in sensors
-    sense = {"flexion": 1, "extension": -1}.get(set_up.cable, 0)
+    sense = CABLE_SIGN.get(set_up.cable, 0)
     stuck = samples(limits.stuck_time)
     checks: list[Check] = [
         Windows(units, sensors),

@@ -44,7 +44,7 @@ from typing import Any
 import numpy as np
 
 from fingerlab.core.errors import UserError
-from fingerlab.core.plain_data import read_object
+from fingerlab.core.plain_data import is_number, read_object
 from fingerlab.sessions.model import Array
 from fingerlab.sessions.text_table import inspect_table, read_blocks
 
@@ -444,7 +444,7 @@ def _number(
     value = settings.get(name, default)
     if value is None:
         raise UserError(f"{where} lacks {name!r}, a number.")
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+    if not is_number(value):
         raise UserError(f"{where} has {name!r} = {value!r}; it should be a finite number.")
     if positive and value <= 0:
         raise UserError(f"{where} has {name!r} = {value:g}; it should be greater than zero.")

@@ -64,7 +64,6 @@ from fingerlab.sessions.model import Array, Run
 
 LONGEST_S = 20.0
 """Of a wanted force: so long a run is still in the ring when the next torque is learned from it."""
-MOST_PAIRS = 50
 POSE_HZ, POSE_S = 0.5, 6.0
 """The motion that tells the pose: slow, with two whole periods after the start (assumed)."""
 HARDER, HARDER_N = 2.0, 0.5

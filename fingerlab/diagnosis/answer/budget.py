@@ -7,7 +7,7 @@ and the floor, each with less of it; what one step takes away is a part:
   path holds few, what it falls by in every other order,
 * *parameters* and *calibration*: what the last model misses on runs left out beyond what it misses where it
   has seen them all. It goes to the sensors as far as knowing their constants exactly would narrow what the
-  model foretells, and to the bench's and the effects' constants for the rest,
+  model predicts, and to the bench's and the effects' constants for the rest,
 * *between runs*: what a friction that wanders and a tip that is set down anew take up, a value for each run,
 * the *floor*: what does not repeat from cycle to cycle, by the last model,
 * the *unknown*: what is left.
@@ -25,12 +25,13 @@ from itertools import combinations, permutations
 
 import numpy as np
 
+from fingerlab.diagnosis.answer.error_parts import Budget, BudgetPart, EquationError
 from fingerlab.diagnosis.answer.errors import equation_errors, squares_by_family
-from fingerlab.diagnosis.answer.results import Budget, BudgetPart, EquationError, PathStep
+from fingerlab.diagnosis.answer.results import PathStep
 from fingerlab.diagnosis.equations.parameters import CABLE_OFFSET, TORQUE_ZERO
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.score.scorer import Scorer
-from fingerlab.diagnosis.settings import FULL_ITERATIONS
+from fingerlab.diagnosis.settings import FULL_ITERATIONS, MOST_ORDERED
 from fingerlab.sessions.model import Array
 
 CALIBRATION = frozenset(
@@ -38,9 +39,6 @@ CALIBRATION = frozenset(
 )
 """Unknowns of the sensors: gains of the current and of the load cell, zeros of the current and of the motor,
 and the clock between the channels. A joint's constant torque may be its zero or its friction: it is none."""
-
-MOST_ORDERED = 4
-"""Effects whose every order is tried: each further one doubles the models that have to be fitted."""
 
 
 def error_budget(

@@ -8,22 +8,28 @@ from functools import partial
 
 import numpy as np
 
-from fingerlab.diagnosis.answer.results import (
-    EQUATION_TITLES,
-    ROW_EQUATIONS,
-    Comparison,
-    ExcludedInterval,
-    Failure,
-    Fingerprint,
-)
-from fingerlab.diagnosis.equations.coefficients import CABLE_NAMES
-from fingerlab.diagnosis.equations.features import FORCE, BoolArray
+from fingerlab.diagnosis.answer.error_parts import EQUATIONS, ROW_EQUATIONS, Comparison, ExcludedInterval
+from fingerlab.diagnosis.answer.results import Failure, Fingerprint
+from fingerlab.diagnosis.equations.features import FORCE
 from fingerlab.diagnosis.fit.noise import floor_covariance
 from fingerlab.diagnosis.gram.decimation import Decimated, counted
 from fingerlab.diagnosis.gram.sums import Group, Reduced
 from fingerlab.diagnosis.score.evidence import Evidence
 from fingerlab.diagnosis.score.fitted_model import FittedModel
-from fingerlab.diagnosis.settings import BINS, NARROW_RATE_HZ, SHOWN_STRETCHES, SLACK_SPREAD_M, Z90
+from fingerlab.diagnosis.settings import (
+    BINS,
+    BINS_A_PERIOD,
+    HIGH_LOAD,
+    LEAST_SAMPLES,
+    LOW_LOAD,
+    NARROW_RATE_HZ,
+    OUTLYING,
+    SHOWN_STRETCHES,
+    SLACK_SPREAD_M,
+    SLOWLY,
+    STANDS_STILL,
+    Z90,
+)
 from fingerlab.diagnosis.signals.conditions import GroupKey, group_key
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE, decimate
 from fingerlab.diagnosis.signals.scales import SI, Scales
@@ -31,7 +37,7 @@ from fingerlab.effects.base import COORDINATE_UNITS, Effect, Row
 from fingerlab.effects.transmission import winding_state
 from fingerlab.physics import nominal
 from fingerlab.physics.motion import Motion
-from fingerlab.sessions.model import Array, Run, Session
+from fingerlab.sessions.model import CABLE_NAMES, Array, BoolArray, Run, Session
 
 ROW_UNITS = {Row.MCP: "N m", Row.PIP: "N m", Row.CABLE: "m", Row.BENCH: "N m", Row.TIP: "m"}
 
@@ -297,7 +303,7 @@ def _comparisons(
     def one(equation: str, measured: Array, modelled: Array, unit: str, variance: float) -> Comparison:
         return Comparison(
             equation, kept.session, kept.run, kept.phase, kept.time, measured, modelled, unit,
-            float(np.sqrt(max(variance, 0.0))), held_out=False, coordinates=kept.coordinates,
+            float(np.sqrt(max(variance, 0.0))), coordinates=kept.coordinates,
         )  # fmt: skip
 
     if group.on_bench:
@@ -387,10 +393,6 @@ def _fingerprint(
     return within if within is None else replace(within, coordinate=f"{effect.coordinate} within one period")
 
 
-BINS_A_PERIOD = 4
-"""Of a wave, that must be seen for its form to be (assumed)."""
-
-
 def _period(fitted: FittedModel) -> float:
     """Of the effect added last, where it repeats with the motor angle, rad; else infinite."""
     last = fitted.choices[-1]
@@ -400,12 +402,13 @@ def _period(fitted: FittedModel) -> float:
 
 
 def _binned(effect: Effect, row: Row, place: Array, residual: Array, explained: Array) -> Fingerprint | None:
-    edges = np.linspace(float(np.quantile(place, 0.005)), float(np.quantile(place, 0.995)), BINS + 1)
+    low, high = np.quantile(place, (OUTLYING, 1.0 - OUTLYING))
+    edges = np.linspace(float(low), float(high), BINS + 1)
     if not edges[-1] > edges[0]:
         return None
     number = np.clip(np.digitize(place, edges) - 1, 0, BINS - 1)
     counts = np.bincount(number, minlength=BINS)
-    full = counts >= 4
+    full = counts >= LEAST_SAMPLES
     divisor = np.maximum(counts, 1)
 
     def mean(values: Array) -> Array:
@@ -460,7 +463,7 @@ def _failure(
     floors, c, k = float(np.sqrt(worst[0])), worst[1], worst[2]
     start, stop = second * float(c.time[k]), second * float(c.time[k + length - 1])
     moment = _moment(_stretch_of(c, stretches), slice(k, k + length))
-    place = f"{EQUATION_TITLES[c.equation]} of run {c.run} at {start:.1f} to {stop:.1f} s"
+    place = f"{EQUATIONS[c.equation].title} of run {c.run} at {start:.1f} to {stop:.1f} s"
     text = f"{place}: {moment}; the model misses {floors:.1f} times the floor there"
     return Failure(text, c.equation, c.run, start, stop, c.session, moment)
 
@@ -479,12 +482,14 @@ def _moment(kept: Kept, part: slice) -> str:
     speed = kept.coordinates["motor speed" if alone else "joint speed pip"]
     now, usual = float(np.mean(speed[part])), float(np.sqrt(np.mean(speed**2))) + 1e-12
     words = ("moving forward", "moving backward") if alone else ("flexing", "extending")
-    pace = "slowly" if abs(now) < 0.7 * usual else "fast"
+    pace = "slowly" if abs(now) < SLOWLY * usual else "fast"
     motion = (
-        "near standstill or reversing" if abs(now) < 0.2 * usual else f"{words[0 if now > 0 else 1]} {pace}"
+        "near standstill or reversing"
+        if abs(now) < STANDS_STILL * usual
+        else f"{words[0 if now > 0 else 1]} {pace}"
     )
     pull = np.abs(kept.coordinates["tension"]) if alone else kept.coordinates["tension"]  # or its torque
-    low, high = np.quantile(pull, (0.25, 0.75))
+    low, high = np.quantile(pull, (LOW_LOAD, HIGH_LOAD))
     level = float(np.mean(pull[part]))
     size = "low" if level < low else "high" if level > high else "middling"
     return f"{motion}, at {size} {'torque' if alone else 'load'}"

@@ -1,51 +1,39 @@
-"""Errors of a model by family of equations and by motion; and with parameters that a person sets by hand.
+"""Errors of a model by family of equations, by motion and by run, and what of a run's time is not judged.
 
-Nothing is read again: errors come from the products of signals that the fit had, curves from the signals that
-the first reading kept. A value that is moved leaves the others where they are, or lets them follow as a fit
-with it held would. Errors are those on all runs, under the weights of the fit; no run is left out.
+Nothing is read again: all comes from the products of signals that the fit had.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
-from fingerlab.core.progress import SILENT, Watch
-from fingerlab.core.text import ParameterEstimate
-from fingerlab.diagnosis.answer.curves import Display, RunOffsets, comparisons_of
-from fingerlab.diagnosis.answer.results import (
-    FAMILIES,
+from fingerlab.diagnosis.answer.error_parts import (
+    FAMILY_OF,
     ROW_EQUATIONS,
-    Comparison,
-    Diagnosis,
     EquationError,
     ExcludedByMotion,
     ExcludedTime,
-    HeldOutRuns,
     RunShare,
     ScorePart,
 )
-from fingerlab.diagnosis.answer.wording import residual_offsets
-from fingerlab.diagnosis.equations.coefficients import CABLE_NAMES
-from fingerlab.diagnosis.equations.features import FORCE, SHIFTS_S
-from fingerlab.diagnosis.equations.model import Choice
+from fingerlab.diagnosis.answer.results import HeldOutRuns
+from fingerlab.diagnosis.equations.features import FORCE, NO_SHIFT
 from fingerlab.diagnosis.equations.parameters import TORQUE_ZERO
 from fingerlab.diagnosis.fit.noise import floor_covariance, misfit_floor
-from fingerlab.diagnosis.fit.solver import Fit, Fitter
 from fingerlab.diagnosis.gram.reduction import Reduction
-from fingerlab.diagnosis.gram.sums import EquationWeights, Group, Reduced, RunTotals
-from fingerlab.diagnosis.score.fitted_model import FittedModel, at_found_shapes
-from fingerlab.diagnosis.score.scorer import Scorer
-from fingerlab.diagnosis.settings import FULL_ITERATIONS, NARROW_RATE_HZ, Z90
-from fingerlab.diagnosis.signals.conditions import GroupKey, deal_runs, group_key
+from fingerlab.diagnosis.gram.run_constants import EquationWeights, RunTotals
+from fingerlab.diagnosis.gram.sums import Group, Reduced
+from fingerlab.diagnosis.score.fitted_model import FittedModel
+from fingerlab.diagnosis.settings import NARROW_RATE_HZ
+from fingerlab.diagnosis.signals.conditions import GroupKey, folds_of_runs, group_key
 from fingerlab.diagnosis.signals.filters import BRIDGED, CUT_OUT, EFFECTIVE_SHARE, SPIKE
 from fingerlab.diagnosis.signals.scales import as_recorded
 from fingerlab.effects.base import Row
-from fingerlab.rig.file import changed_words, sources_of
-from fingerlab.sessions.model import Array, Run
+from fingerlab.rig.file import changed_words
+from fingerlab.sessions.model import CABLE_NAMES, Array, Run
 
 FAMILY_UNITS = {"joint_torque": "N m", "cable_kinematics": "m", "motor_torque": "N m", "endpoint_force": "N"}
 
@@ -102,8 +90,8 @@ def squares_by_family(reduced: Reduced, fitted: FittedModel, group: Group) -> di
     routing = CABLE_NAMES[group.cable_sign]
     values = fitted.values
     a, b = values[f"arm_mcp@{routing}"], values[f"arm_pip@{routing}"]
-    pull = _variance(reduced, group, Row.MCP, SHIFTS_S.index(0.0))
-    wound = _variance(reduced, group, Row.CABLE, SHIFTS_S.index(0.0))
+    pull = _variance(reduced, group, Row.MCP, NO_SHIFT)
+    wound = _variance(reduced, group, Row.CABLE, NO_SHIFT)
     motor = np.zeros((5, 5))
     motor[np.ix_([Row.MCP, Row.PIP], [Row.MCP, Row.PIP])] = 0.25 * radius**2
     result = {
@@ -220,8 +208,8 @@ def run_shares(
                 session, run = runs[one.number]
                 count, loose = float(one.counts[0]), float(one.counts[1])
                 part = misfit * count / max(fold.samples, 1)
-                for family in dict.fromkeys(FAMILIES[ROW_EQUATIONS[row]] for row in rows):
-                    mine = [row for row in rows if FAMILIES[ROW_EQUATIONS[row]] == family]
+                for family in dict.fromkeys(FAMILY_OF[ROW_EQUATIONS[row]] for row in rows):
+                    mine = [row for row in rows if FAMILY_OF[ROW_EQUATIONS[row]] == family]
                     squared = part * sum(rows[row] for row in mine)
                     aside = loose / max(count, 1.0) if Row.CABLE in mine else 0.0
                     share = squared + floor * count * len(mine)
@@ -347,144 +335,9 @@ def _shares_of_rows(fitted: FittedModel, group: Group) -> list[dict[Row, float]]
 
 def _members(runs: Sequence[Run]) -> dict[tuple[GroupKey, int], list[int]]:
     """Numbers of the runs of each condition of each group, as the reading deals them."""
-    folds, places = deal_runs(runs)
+    folds, places = folds_of_runs(runs)
     members: dict[tuple[GroupKey, int], list[int]] = {}
     for number, (run, place) in enumerate(zip(runs, places, strict=True)):
         key = group_key(run)
         members.setdefault((key, folds[key][place].condition), []).append(number)
     return members
-
-
-HARDLY_DETERMINED = 0.7
-"""Share of a prior's spread that is left where the runs hardly tell a value (assumed)."""
-
-
-@dataclass(frozen=True)
-class FittedParameter:
-    """One unknown of a fitted model. Numbers are SI.
-
-    Attributes:
-        key: by which values are told. effect: id of the effect whose it is; empty: of the bench.
-        estimate: value with its 90 % interval. low, high: bounds that no fit leaves.
-        source: where the bounds, and what was known before, come from.
-        spread: standard deviation of what was known before any run; 0: nothing was.
-        identified: the runs tell more of it than was known before. held: somebody holds it.
-    """
-
-    key: str
-    effect: str
-    estimate: ParameterEstimate
-    low: float
-    high: float
-    source: str
-    spread: float
-    identified: bool
-    held: bool
-
-
-@dataclass(frozen=True)
-class WhatIf:
-    """The model with other values.
-
-    Attributes:
-        values: of every unknown, SI. score: error on all runs, in floors of the fit.
-        errors: by family of equations, on all runs.
-        fitted: as a model. offsets: the constants of the runs' own beside it.
-    """
-
-    values: Mapping[str, float]
-    score: float
-    errors: Mapping[str, EquationError]
-    fitted: FittedModel
-    offsets: RunOffsets
-
-
-class ParameterExplorer:
-    """The model of one diagnosis, ready to be moved.
-
-    Attributes:
-        parameters: every unknown, those of effects last.
-        as_fitted: the model as it was fitted, judged as every other is here.
-    """
-
-    def __init__(self, reduction: Reduction, diagnosis: Diagnosis, watch: Watch = SILENT) -> None:
-        """``reduction``: what the diagnosis was given as ``kept``.
-
-        Raises:
-            UserError: a run cannot be read. Cancelled: the user asked for it.
-        """
-        base = diagnosis.fitted
-        assert base is not None  # of a diagnosis that was made, not invented
-        self._display, self._runs = Display(), reduction.runs
-        with threadpool_limits(limits=1, user_api="blas"):
-            reduction.resume(diagnosis.held, diagnosis.constants, diagnosis.torque_noise)
-            effects = at_found_shapes(base)
-            self._scorer = Scorer(reduction.of(effects, watch, self._display.keep))
-        layout = self._scorer.reduced.layout
-        self.model = self._scorer.model([Choice(effect) for effect in effects], base.model.tip_law)
-        self._weights, self._size = base.weights, layout.scales.of
-        self._start = np.array([base.values[u.key] for u in self.model.unknowns])
-        self.parameters = self._listed(diagnosis, reduction)
-        self.as_fitted = self._judged(self._start)
-
-    def _listed(self, diagnosis: Diagnosis, reduction: Reduction) -> tuple[FittedParameter, ...]:
-        named = sources_of(reduction.rig)
-        free = self._scorer.reduced.held and Scorer(replace(self._scorer.reduced, held={}))
-        ranges = free.model(self.model.choices, self.model.tip_law).unknowns if free else self.model.unknowns
-        found = []
-        for unknown in ranges:
-            one, size = unknown.parameter, self._size(unknown.parameter.unit)
-            estimate = diagnosis.parameters[unknown.key]
-            spread = 0.0 if unknown.open else size * one.typical
-            left = (estimate.high - estimate.low) / (2.0 * Z90)
-            source = one.source
-            if source == "rig file" and unknown.name in named:
-                source = f"rig file: {named[unknown.name]}"
-            found.append(
-                FittedParameter(
-                    unknown.key,
-                    unknown.effect,
-                    estimate,
-                    size * one.low,
-                    size * one.high,
-                    source,
-                    spread,
-                    not spread or left < HARDLY_DETERMINED * spread,
-                    unknown.key in diagnosis.held,
-                )
-            )
-        return tuple(found)
-
-    def what_if(self, moved: Mapping[str, float], follow: bool = False) -> WhatIf:
-        """The model with values moved, by key, SI; within their bounds.
-
-        ``follow``: the others take the values that fit best beside these.
-        """
-        values, index = self._start.copy(), self.model.index
-        for key, value in moved.items():
-            values[index[key]] = value / self._size(self.model.unknowns[index[key]].parameter.unit)
-        if follow:
-            held = self.model.holding({key: float(values[index[key]]) for key in moved})
-            with threadpool_limits(limits=1, user_api="blas"):
-                fitter = Fitter(held, self._scorer.data, self._weights)
-                values = fitter.run(values, FULL_ITERATIONS).values
-        return self._judged(values)
-
-    def _judged(self, values: Array) -> WhatIf:
-        size = len(values)
-        fitted = FittedModel(self.model, Fit(values, np.eye(size), 0.0), self._weights)
-        with threadpool_limits(limits=1, user_api="blas"):
-            scorer = self._scorer.in_floors()  # a fresh one: else every place of a slider would be kept
-            scored = scorer.score_in_sample(fitted, residuals=True)
-            errors = equation_errors(scorer.reduced, scored)
-            offsets = residual_offsets(scorer.run_offsets(fitted), self._runs)
-        units = (self._size(u.parameter.unit) for u in self.model.unknowns)
-        values_si = {
-            u.key: float(v) * unit for u, v, unit in zip(self.model.unknowns, values, units, strict=True)
-        }
-        return WhatIf(values_si, scored.score, errors, scored, offsets)
-
-    def comparisons(self, found: WhatIf, session: str, run: str) -> tuple[Comparison, ...]:
-        """Measured and modelled of one run: every equation of every stretch, without what is left aside."""
-        reduced = self._scorer.reduced
-        return comparisons_of(reduced, found.fitted, self._display, session, run, found.offsets)

@@ -12,7 +12,7 @@ from fingerlab.diagnosis.answer.results import BenchFinding
 from fingerlab.diagnosis.equations.coefficients import DELAY
 from fingerlab.diagnosis.equations.parameters import TORQUE_LAG
 from fingerlab.diagnosis.gram.reduction import Reduction
-from fingerlab.diagnosis.gram.sums import SOURCES, Offsets
+from fingerlab.diagnosis.gram.run_constants import SOURCES, Offsets
 from fingerlab.diagnosis.score.evidence import Evidence
 from fingerlab.diagnosis.score.fitted_model import FittedModel, at_assumed_bounds, own_keys
 from fingerlab.diagnosis.settings import (
@@ -20,6 +20,7 @@ from fingerlab.diagnosis.settings import (
     LEAST_SPIKES,
     LONGEST_STRETCH_S,
     MOST_NAMED,
+    NOTHING_SEEN,
     REPORTED_OFFSET,
     REPORTED_SHARE,
     REPORTED_SKEW_S,
@@ -30,7 +31,7 @@ from fingerlab.diagnosis.signals.channel_checks import torque_of_an_ampere
 from fingerlab.diagnosis.signals.filters import (
     BRIDGED,
     CUT_OUT,
-    HELD,
+    REPEATED,
     SPIKE,
     UNEVEN,
     Repair,
@@ -59,7 +60,7 @@ def bench_findings(
         *_skew(reduction, last),
         *_spikes(reduction),
         *_lost(reduction),
-        *_held(reduction),
+        *_repeated(reduction),
     )
 
 
@@ -224,11 +225,11 @@ def _lost(reduction: Reduction) -> list[BenchFinding]:
     return result
 
 
-def _held(reduction: Reduction) -> list[BenchFinding]:
+def _repeated(reduction: Reduction) -> list[BenchFinding]:
     """Channels that are logged more often than they are read."""
     result = []
-    for channel in _channels_with(reduction, HELD):
-        runs, names, count = _put_right(reduction, (HELD, channel))
+    for channel in _channels_with(reduction, REPEATED):
+        runs, names, count = _put_right(reduction, (REPEATED, channel))
         every = sum(reduction.analysed[n].length for n in runs)
         said = (
             f"Channel '{channel}' is logged more often than it is read: of {every:,} samples in "
@@ -376,7 +377,7 @@ def explanation(
         reveal = (effect.reveal_of_an_axis if _on_bench(fitted) else "") or effect.reveal
         from_there = f" (it would have shown from {strength} on)" if strength else ""
         return f"{said} These data could not show it at a plausible strength{from_there}; {reveal} would."
-    if fitted.misfit > evidence.base.misfit * 0.98 and not replaced:
+    if fitted.misfit > evidence.base.misfit * NOTHING_SEEN and not replaced:
         return f"{said} Nothing of that is seen: {error} goes from {fall}."
     numbers = [
         f"{parameter_title(effect, name)} "
@@ -444,10 +445,7 @@ def _said(fitted: FittedModel, effect: Effect) -> str:
     if on_bench and effect.of_an_axis is not None:
         shape = next(c.shape for c in fitted.choices if c.effect is effect)
         return effect.of_an_axis(effect.shapes[shape])
-    return effect.explanation.replace(BOTH_JOINTS, ON_BENCH) if on_bench else effect.explanation
-
-
-BOTH_JOINTS, ON_BENCH = "Both joints miss the same tension", "The motor's equation misses a torque"
+    return effect.explanation_alone if on_bench else effect.explanation
 
 
 def _grid_value(estimate: ParameterEstimate) -> str:

@@ -10,7 +10,7 @@ from threadpoolctl import threadpool_limits
 
 from fingerlab.core.errors import UserError
 from fingerlab.core.progress import SILENT, Watch
-from fingerlab.core.text import ParameterEstimate, estimate_text, percent, score_text
+from fingerlab.core.text import ParameterEstimate, estimate_text, listed, percent, score_text
 from fingerlab.diagnosis.answer.curves import Display
 from fingerlab.diagnosis.answer.results import Fingerprint
 from fingerlab.diagnosis.draft.search import Draft, Law, draft
@@ -250,15 +250,11 @@ def cause(terms: Iterable[LawTerm]) -> str:
     first, *others = terms
     does, looks = _kinds(first)
     more = [say for term in others for say in _kinds(term)[0] if say not in does]
-    sentence = f"The first term {_joined(does)}: it looks like {looks}."
-    return f"{sentence} Further terms: {_joined(list(dict.fromkeys(more)))}." if more else sentence
+    sentence = f"The first term {listed(does)}: it looks like {looks}."
+    return f"{sentence} Further terms: {listed(list(dict.fromkeys(more)))}." if more else sentence
 
 
 def _kinds(term: LawTerm) -> tuple[list[str], str]:
     found = [(say, looks) for which, say, looks in KINDS if set(which) & set(term.variables)]
     false = PLACES[term.place].unit == ANGLE and "lateness" not in term.variables
     return [say for say, _ in found], SENSOR if false else found[0][1]
-
-
-def _joined(words: Sequence[str]) -> str:
-    return " and ".join((", ".join(words[:-1]), words[-1])) if len(words) > 1 else words[0]

@@ -11,10 +11,10 @@ from fingerlab.diagnosis.settings import (
     DRAFT_DELAYS_S,
     DRAFT_ENDS_DEG,
     DRAFT_LATE_S,
-    DRAFT_LOOSE_N,
     DRAFT_MEMORIES_S,
     DRAFT_STRIBECK,
     DRAFT_TRAVELS_DEG,
+    SLACK_TENSION_N,
 )
 
 
@@ -294,7 +294,7 @@ def _of_the_cable(second: float, newton: float, contact: bool) -> Iterator[Draft
               NEWTON, ("tension",), "tension", number=DRAFT_LATE_S, size=second)
     yield one("loose", "way_while(motion.position, tension < §)",
               "way of the motor while tension is below § N", r"[\theta_m-\theta_m(t_0)]_{T<T_0}",
-              RAD, ("slack", "tension"), "tension", number=DRAFT_LOOSE_N / newton, size=newton)
+              RAD, ("slack", "tension"), "tension", number=SLACK_TENSION_N / newton, size=newton)
     yield one("tension_squared", "tension ** 2", "square of tension", "T^2",
               {"N": 2}, ("tension",), "tension")
     yield one("speed", "motion.velocity", "motor speed", r"\dot\theta_m",

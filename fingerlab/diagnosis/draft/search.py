@@ -32,13 +32,13 @@ from fingerlab.diagnosis.settings import (
     DRAFT_LEAST_FALL,
     DRAFT_LEAST_SHARE,
     DRAFT_NEEDLESS,
-    DRAFT_ORDERS,
     DRAFT_TERMS,
     FULL_ITERATIONS,
     SCREEN_ITERATIONS,
 )
 from fingerlab.effects import effect
 from fingerlab.effects.base import Effect
+from fingerlab.effects.transmission import RIPPLE_ORDERS
 from fingerlab.physics.motion import Motion, strongest_orders
 from fingerlab.sessions.model import Array
 
@@ -150,20 +150,22 @@ class Remainder:
 
     def _scorer(self, offered: Sequence[Effect]) -> Scorer:
         reduced = self._reduction.refined([*self.effects, *offered], self._watch)
-        held = self._reduction.held
-        scorer = Scorer(replace(reduced, constants=self._reduction.constants, held=held))
-        return scorer if all(group.repeats for group in scorer.reduced.groups) else scorer.in_floors()
+        fixed = self._reduction.fixed
+        scorer = Scorer(replace(reduced, constants=self._reduction.constants, fixed=fixed))
+        return (
+            scorer if all(group.repeats for group in scorer.reduced.groups) else scorer.with_floor_weights()
+        )
 
     def _effect(self, term: DraftTerm) -> Effect:
         if term not in self._as_effects:
-            self._as_effects |= as_effects([term], self._motions, self._reduction.scales)
+            self._as_effects |= as_effects([term], self._motions)
         return self._as_effects[term]
 
     def _offers(self, known: Sequence[DraftTerm] = ()) -> list[Effect]:
         """All terms that these recordings move, those ``known`` with the numbers that were found."""
         every = {**self._terms, **{term.id: term for term in known}}
         new = [term for term in every.values() if term not in self._as_effects]
-        self._as_effects |= as_effects(new, self._motions, self._reduction.scales)
+        self._as_effects |= as_effects(new, self._motions)
         self._terms = {i: term for i, term in self._terms.items() if term in self._as_effects}
         return [self._as_effects[term] for term in every.values() if term in self._as_effects]
 
@@ -252,7 +254,7 @@ def _offered(reduction: Reduction, motions: Sequence[Motion]) -> list[DraftTerm]
         "mcp": _travel([joints.mcp for joints in turned]), "pip": _travel([joints.pip for joints in turned]),
     } if turned else None  # fmt: skip
     alone = [m for m in motions if m.joints is None]
-    orders = strongest_orders(alone) if alone and not turned else DRAFT_ORDERS
+    orders = strongest_orders(alone) if alone and not turned else tuple(map(float, RIPPLE_ORDERS))
     contact = any(m.force is not None for m in motions)
     of = reduction.scales.of
     return list(library(travel, contact, bool(alone), orders, of("s"), of("N"), of("rad")))

@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 
 from fingerlab.diagnosis.settings import DRAFT_RANGE, STATE_RIDGE
-from fingerlab.diagnosis.signals.scales import Scales
 from fingerlab.effects.base import Effect, Row, Scale, Shape, Term
 from fingerlab.effects.joints import lateral_levers, misread
 from fingerlab.physics.friction_states import (
@@ -245,13 +244,11 @@ def placed(place: str, gain: str, values: Array, motion: Motion) -> list[Term]:
     return [Term(PLACES[place].row, gain, values, "joint")]
 
 
-def as_effects(
-    terms: Iterable[DraftTerm], motions: Sequence[Motion], scales: Scales
-) -> dict[DraftTerm, Effect]:
+def as_effects(terms: Iterable[DraftTerm], motions: Sequence[Motion]) -> dict[DraftTerm, Effect]:
     """The terms that these motions move, as effects with ranges by what the motions carry.
 
     Args:
-        motions: some of every kind of run, in the fit's units. scales: of these units.
+        motions: some of every kind of run, in the fit's units.
     """
     sizes = {place: _size(place, motions) for place in PLACES}
     found = {}

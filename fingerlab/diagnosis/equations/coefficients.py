@@ -19,17 +19,10 @@ from functools import cached_property
 
 import numpy as np
 
-from fingerlab.diagnosis.equations.features import (
-    BoolArray,
-    Feature,
-    IntArray,
-    shift_weights,
-    slope_weights,
-)
+from fingerlab.diagnosis.equations.features import Feature, shift_weights, slope_weights
 from fingerlab.effects.base import Row
-from fingerlab.sessions.model import Array
+from fingerlab.sessions.model import CABLE_NAMES, Array, BoolArray, IntArray
 
-CABLE_NAMES = {1: "flexion", -1: "extension", 0: "none"}
 DELAY = "delay"
 TORQUE_GAIN = "torque_gain"
 """Share that the motor's torque reads too high."""
@@ -39,9 +32,9 @@ def key_of(feature: Feature, cable: str) -> str:
     """The unknown that multiplies a feature, by the key that values are kept under; empty: none does."""
     if not feature.parameter:
         return ""
-    if feature.owner is not None and not feature.borrowed:
+    if feature.owner is not None and not feature.shares_nuisance:
         return f"{feature.owner}.{feature.parameter}"
-    return f"{feature.parameter}@{cable}" if feature.routed else feature.parameter
+    return f"{feature.parameter}@{cable}" if feature.per_cable else feature.parameter
 
 
 def scale_key(feature: Feature, cable: str) -> str:

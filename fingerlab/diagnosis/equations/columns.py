@@ -18,7 +18,6 @@ from fingerlab.diagnosis.equations.features import (
     NO_SHIFT,
     SLOPE,
     Feature,
-    IntArray,
     Layout,
     base_columns,
     beside_a_finger,
@@ -30,7 +29,7 @@ from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import Effect, Row, Term
 from fingerlab.effects.transmission import LATE, as_effects_see_it
 from fingerlab.physics.motion import Motion
-from fingerlab.sessions.model import Array, Session
+from fingerlab.sessions.model import Array, IntArray, Session
 
 Column = tuple[Array, int | None, bool, Callable[[], Feature]]
 """Values at the wide rate, shift, whether a user's own effect brings them, and what makes their feature."""
@@ -38,7 +37,7 @@ Column = tuple[Array, int | None, bool, Callable[[], Feature]]
 
 def all_columns(motion: Motion, effects: Sequence[Effect]) -> Iterator[Column]:
     """All features in order: those of every model, then those of the effects."""
-    yield from _common_columns(motion)
+    yield from _as_routed(motion, _common_columns(motion))
     yield from effect_columns(motion, effects)
 
 
@@ -61,12 +60,7 @@ def _as_routed(motion: Motion, columns: Iterator[Column]) -> Iterator[Column]:
 
 
 def _common_columns(motion: Motion) -> Iterator[Column]:
-    """The features of every model."""
-    return _as_routed(motion, _base(motion))
-
-
-def _base(motion: Motion) -> Iterator[Column]:
-    """A motor channel comes once for every shift, with the same values."""
+    """The features of every model; a motor channel comes once for every shift, with the same values."""
     for feature, values in base_columns(motion):
         yield values, None, False, partial(replace, feature)
     for feature, values in shifted_columns(motion):
@@ -136,7 +130,7 @@ def layout_of(
 
 
 @dataclass(frozen=True)
-class Asked:
+class ReadRequest:
     """What is asked of a run: its kind's features as signals, of which the first ``common`` every model has.
 
     ``signals`` (features,) count from ``start``, the kind's first signal among those of all runs.
@@ -162,7 +156,7 @@ class Asked:
 
 def asked_of(
     layout: Layout, effects: Sequence[Effect], first: Layout | None, start: int, anew: bool, seek_cycle: bool
-) -> Asked:
+) -> ReadRequest:
     """What a layout asks of the runs of its kind.
 
     Args:
@@ -187,7 +181,9 @@ def asked_of(
         np.concatenate([layout.signals[layout.indices(e.id, k)] for k in range(len(e.shapes))] or [NONE])
         for e in effects
     )
-    return Asked(layout.signals, common, start, cached, tuple(formed), features, first is None, seek_cycle)
+    return ReadRequest(
+        layout.signals, common, start, cached, tuple(formed), features, first is None, seek_cycle
+    )
 
 
 NONE = np.zeros(0, dtype=int)

@@ -33,14 +33,11 @@ from fingerlab.effects.joints import lateral_levers
 from fingerlab.physics import nominal
 from fingerlab.physics.motion import Motion, dragged_tip, pressed, tip_depth, tip_reach, while_pressed
 from fingerlab.rig.file import Finger, Rig
-from fingerlab.sessions.model import Array
-
-IntArray = np.ndarray[Any, np.dtype[np.int64]]
-BoolArray = np.ndarray[Any, np.dtype[np.bool_]]
+from fingerlab.sessions.model import Array, BoolArray, IntArray
 
 
 @dataclass(frozen=True)
-class Pick:
+class FeatureSet:
     """Some features in order: the signal that each is, and the equation it stands in; shapes (k,)."""
 
     signals: IntArray
@@ -83,8 +80,8 @@ class Pick:
             self._places[size] = self.signals[:, None] * size + self.signals
         return np.asarray(products.take(self._places[size]))
 
-    def __getitem__(self, chosen: Any) -> Pick:
-        return Pick(self.signals[chosen], self.rows[chosen])
+    def __getitem__(self, chosen: Any) -> FeatureSet:
+        return FeatureSet(self.signals[chosen], self.rows[chosen])
 
 
 @dataclass(frozen=True)
@@ -92,10 +89,10 @@ class Feature:
     """A column: the equation it stands in and how its coefficient is made.
 
     ``parameter`` names the unknown that multiplies it (None: none), ``constant`` what it has without.
-    ``shift`` is an index into ``SHIFTS_S``, or ``SLOPE``, for a motor channel. ``routed`` unknowns have one
-    value for each cable routing. ``owner`` is the effect that brings it (None: nominal model and
-    nuisances) at the grid point ``shape``. ``borrowed``: its unknown is one of the nuisances, no own gain.
-    ``factor`` multiplies the coefficient, too.
+    ``shift`` is an index into ``SHIFTS_S``, or ``SLOPE``, for a motor channel. Unknowns ``per_cable`` have
+    one value for each cable routing. ``owner`` is the effect that brings it (None: nominal model and
+    nuisances) at the grid point ``shape``. ``shares_nuisance``: its unknown is one of the nuisances, no own
+    gain. ``factor`` multiplies the coefficient, too.
     """
 
     row: Row
@@ -103,10 +100,10 @@ class Feature:
     constant: float = 0.0
     scale: Scale = "direct"
     shift: int | None = None
-    routed: bool = False
+    per_cable: bool = False
     owner: str | None = None
     shape: int = 0
-    borrowed: bool = False
+    shares_nuisance: bool = False
     factor: float = 1.0
 
 
@@ -155,13 +152,9 @@ class Layout:
         return self._rows
 
     @cached_property
-    def every(self) -> Pick:
+    def every(self) -> FeatureSet:
         """All features, for sums over samples."""
-        return Pick(self.signals, self._rows)
-
-    def signals_of(self, bench: bool) -> IntArray:
-        """The signals of the features that runs of the motor alone have, or of those that a finger's have."""
-        return np.asarray(self.signals[(self._rows == Row.BENCH) == bench])
+        return FeatureSet(self.signals, self._rows)
 
     @property
     def signal_count(self) -> int:
@@ -219,13 +212,13 @@ def base_columns(motion: Motion) -> list[tuple[Feature, Array]]:
     columns += [
         (Feature(Row.MCP, "force_gain", constant=1.0, scale="joint"), contact_mcp),
         (Feature(Row.PIP, "force_gain", constant=1.0, scale="joint"), contact_pip),
-        (Feature(Row.MCP, "loss_mcp", scale="joint", routed=True), minus),
-        (Feature(Row.PIP, "loss_pip", scale="joint", routed=True), minus),
+        (Feature(Row.MCP, "loss_mcp", scale="joint", per_cable=True), minus),
+        (Feature(Row.PIP, "loss_pip", scale="joint", per_cable=True), minus),
         (Feature(Row.MCP, "trace_mcp", scale="joint"), q.mcp_velocity),
         (Feature(Row.PIP, "trace_pip", scale="joint"), q.pip_velocity),
         (Feature(Row.CABLE, constant=1.0, scale="arm_mcp"), q.mcp),
         (Feature(Row.CABLE, constant=1.0, scale="arm_pip"), q.pip),
-        (Feature(Row.CABLE, "offset", routed=True), one),
+        (Feature(Row.CABLE, "offset", per_cable=True), one),
         *_tip_columns(motion, force),
     ]
     columns += [(Feature(row, name, scale="joint"), values) for row, name, values in _along_the_face(motion)]
@@ -257,7 +250,9 @@ def turned_columns(motion: Motion, effect: Effect, shape: int) -> list[tuple[Fea
     )
     return [
         (
-            Feature(row, name, scale="joint", owner=effect.id, shape=shape, borrowed=True, factor=factor),
+            Feature(
+                row, name, scale="joint", owner=effect.id, shape=shape, shares_nuisance=True, factor=factor
+            ),
             values,
         )
         for factor, columns in parts

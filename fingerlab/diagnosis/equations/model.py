@@ -9,16 +9,8 @@ from typing import Protocol
 
 import numpy as np
 
-from fingerlab.diagnosis.equations.coefficients import CABLE_NAMES, DELAY, Coefficients
-from fingerlab.diagnosis.equations.features import (
-    NO_SHIFT,
-    SLOPE,
-    BoolArray,
-    Feature,
-    IntArray,
-    Layout,
-    Pick,
-)
+from fingerlab.diagnosis.equations.coefficients import DELAY, Coefficients
+from fingerlab.diagnosis.equations.features import NO_SHIFT, SLOPE, Feature, FeatureSet, Layout
 from fingerlab.diagnosis.equations.parameters import (
     ARMS,
     SET_DOWN,
@@ -30,7 +22,7 @@ from fingerlab.diagnosis.equations.parameters import (
 )
 from fingerlab.effects.base import Effect, Row
 from fingerlab.physics.parameter import Parameter
-from fingerlab.sessions.model import Array
+from fingerlab.sessions.model import CABLE_NAMES, Array, BoolArray, IntArray
 
 
 @dataclass(frozen=True)
@@ -92,7 +84,7 @@ class Model:
         delayed: whether the motor's channels may be late by more than a millisecond.
         tip_law: which of ``features.TIP_LAWS`` it holds.
         tie: holds the two cables' moment arms together; None: they are free.
-        held: values that somebody holds unknowns at, by key, in the fit's units.
+        fixed: values that somebody holds unknowns at, by key, in the fit's units.
     """
 
     layout: Layout
@@ -104,16 +96,16 @@ class Model:
     tip_law: str
     index: dict[str, int]
     tie: ArmRatioPenalty | None = None
-    held: Mapping[str, float] = field(default_factory=dict)
+    fixed: Mapping[str, float] = field(default_factory=dict)
 
-    def holding(self, held: Mapping[str, float]) -> Model:
-        """The model with unknowns held at values, by key, in the fit's units; other keys are passed over."""
-        held = {key: value for key, value in held.items() if key in self.index}
+    def fixing(self, fixed: Mapping[str, float]) -> Model:
+        """The model with unknowns fixed at values, by key, in the fit's units; other keys are passed over."""
+        fixed = {key: value for key, value in fixed.items() if key in self.index}
         unknowns = list(self.unknowns)
-        for key, value in held.items():
+        for key, value in fixed.items():
             one = unknowns[self.index[key]]
             unknowns[self.index[key]] = replace(one, parameter=replace(one.parameter, low=value, high=value))
-        return replace(self, unknowns=tuple(unknowns), held={**self.held, **held}) if held else self
+        return replace(self, unknowns=tuple(unknowns), fixed={**self.fixed, **fixed}) if fixed else self
 
     @cached_property
     def terms(self) -> Coefficients:
@@ -140,7 +132,7 @@ class Model:
         return np.array([u.parameter.typical for u in self.unknowns])
 
     @cached_property
-    def pick(self) -> Pick:
+    def pick(self) -> FeatureSet:
         """The active features, for sums over samples."""
         return self.layout.every[self.active]
 
@@ -188,18 +180,10 @@ class Model:
         """Coefficients of the active features for one group, (k,)."""
         return self.terms.of(values, (group.cable_sign,))[0]
 
-    def features_of(self, values: Array, cable_signs: tuple[int, ...]) -> Array:
-        """The same for several groups, (groups, k), told by their cables."""
-        return self.terms.of(values, cable_signs)
-
     def coefficients(self, values: Array, group: Runs) -> tuple[Array, Array]:
         """Coefficients of the active features for one group, (k,), and their derivatives, (k, p)."""
         h, jacobian = self.terms.with_jacobian(values, (group.cable_sign,))
         return h[0], jacobian[0]
-
-    def coefficients_of(self, values: Array, cable_signs: tuple[int, ...]) -> tuple[Array, Array]:
-        """The same for several groups, (groups, k) and (groups, k, p), told by their cables."""
-        return self.terms.with_jacobian(values, cable_signs)
 
     def unit_coefficients(self, values: Array, group: Runs) -> Array:
         """Coefficient of every feature of the layout, active or not, per unit of its own unknown."""
@@ -266,7 +250,7 @@ def _nuisance_unknowns(
         if name in absent or (nuisance.phase == "contact" and not contact):
             continue
         parameter = _range(nuisance, relaxed, name)
-        unknowns += [Unknown(name, parameter, cable=r) for r in (routings if feature.routed else [""])]
+        unknowns += [Unknown(name, parameter, cable=r) for r in (routings if feature.per_cable else [""])]
     if routings:
         unknowns += [
             Unknown(arm, _range(layout.nuisances[arm], relaxed, f"{arm}@{r}"), cable=r)

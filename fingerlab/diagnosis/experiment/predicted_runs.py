@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 
 from fingerlab.acquisition.control.trajectories import read_trajectory
-from fingerlab.diagnosis.equations.coefficients import CABLE_NAMES
 from fingerlab.diagnosis.gram.sums import Reduced
 from fingerlab.diagnosis.settings import (
     BALANCE_STEPS,
@@ -28,19 +27,13 @@ from fingerlab.diagnosis.settings import (
     WIDE_RATE_HZ,
 )
 from fingerlab.diagnosis.signals.filters import decimate
-from fingerlab.diagnosis.signals.scales import (
-    SI,
-    Scales,
-    reduced_change,
-    scaled_change,
-    scaled_trajectory,
-)
+from fingerlab.diagnosis.signals.scales import SI, Scales, reduced_change, scaled_change, scaled_trajectory
 from fingerlab.diagnosis.signals.segments import segments_of
 from fingerlab.physics import nominal
 from fingerlab.physics.motion import Motion, added_body
 from fingerlab.physics.nominal import JointMotion
 from fingerlab.rig.file import UNCHANGED, Finger, Intervention, Rig
-from fingerlab.sessions.model import Array, Run, Session
+from fingerlab.sessions.model import CABLE_NAMES, Array, Run, Session
 
 
 @dataclass(frozen=True)
@@ -119,7 +112,7 @@ def menu(sessions: Sequence[Session], reduced: Reduced, values: Mapping[str, flo
             trajectory = _wave(kind, frequency, round(amplitude * share, 2), offset_deg=about)
             motion = finger_motion(rig, sign, trajectory, values)
             if motion is not None:
-                yield Proposal("on_air", {1: "flexion", -1: "extension"}[sign], trajectory, motion)
+                yield Proposal("on_air", CABLE_NAMES[sign], trajectory, motion)
     press = seen_press(sessions)
     if press is not None and 1 in signs:
         yield from _pressing_menu(rig, press)
@@ -200,7 +193,7 @@ def _changed_menu(
             after = finger_motion(rig, sign, own, values, made)
             if after is not None:
                 after = replace(after, change=(number, number))
-                cable = {1: "flexion", -1: "extension"}[sign]
+                cable = CABLE_NAMES[sign]
                 yield Proposal("on_air", cable, own, after, change=made, before=plain)
 
 

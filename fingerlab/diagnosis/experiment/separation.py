@@ -8,8 +8,8 @@ between two rival models", 1965). What a run's phase and cable decide is found o
 A predicted gain rests on models none of which is quite the bench's, and on a motion that nobody has seen.
 What past proposals brought is therefore set against what was predicted of them: a line between the two, and
 how far they scatter about it, for effects among each other and for an effect against nothing. The table is
-``resources/foretelling.json``, which ``python -m tests.hidden.sweep.foretell`` makes. What a gain does to the
-probabilities and the set, the calibration itself says: it is asked with the odds that a run would leave.
+``resources/gain_calibration.json``, which ``python -m tests.hidden.sweep.gains`` makes. What a gain does to
+the probabilities and the set, the calibration itself says: it is asked with the odds that a run would leave.
 """
 
 from __future__ import annotations
@@ -19,23 +19,27 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 from importlib.resources import files
-from typing import Final
 
 import numpy as np
 
 from fingerlab.core.plain_data import structured
-from fingerlab.diagnosis.equations.coefficients import CABLE_NAMES
 from fingerlab.diagnosis.equations.columns import layout_of
-from fingerlab.diagnosis.equations.features import Layout, Pick
+from fingerlab.diagnosis.equations.features import FeatureSet, Layout
 from fingerlab.diagnosis.equations.model import Model, build
 from fingerlab.diagnosis.equations.parameters import TORQUE_ZERO
 from fingerlab.diagnosis.fit.bounded_step import scaled_inverse
-from fingerlab.diagnosis.fit.data import Weights, own_to_a_run
+from fingerlab.diagnosis.fit.data import Weights, random_effect_columns
 from fingerlab.diagnosis.fit.noise import torque_noise
 from fingerlab.diagnosis.gram.decimation import Decimated, decimated_columns
 from fingerlab.diagnosis.gram.run_sums import difference_alone, in_common
 from fingerlab.diagnosis.gram.sums import Group, Reduced, Sums, feature_weights
-from fingerlab.diagnosis.score.calibration import CalibrationTable, Odds, answer_distances, calibration
+from fingerlab.diagnosis.score.calibration import (
+    CalibrationTable,
+    Odds,
+    Verdict,
+    answer_distances,
+    calibration,
+)
 from fingerlab.diagnosis.score.evidence import Evidence
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.settings import (
@@ -49,7 +53,7 @@ from fingerlab.diagnosis.signals.conditions import kind_of
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
 from fingerlab.effects.base import Effect, Row
 from fingerlab.physics.motion import Motion
-from fingerlab.sessions.model import Array, Session
+from fingerlab.sessions.model import CABLE_NAMES, Array, Session
 
 
 @dataclass(frozen=True)
@@ -67,7 +71,7 @@ class RunKind:
         key = (fitted.model.tip_law, *((c.effect.id, c.shape) for c in choices))
         if key not in self._models:
             self._models[key] = build(self.layout, [self.group], choices, fitted.model.tip_law)
-        return self._models[key].holding(fitted.model.held)
+        return self._models[key].fixing(fitted.model.fixed)
 
     def contrast(self, truth: FittedModel, rival: FittedModel, temperature: float) -> Contrast:
         """What two models predict of such a run; each pair is asked for every run and length."""
@@ -135,7 +139,7 @@ class Contrast:
         zero: place and spread (N m) of a zero of the current that the old runs lack; None: no such.
     """
 
-    pick: Pick
+    pick: FeatureSet
     gap: Array
     reach: Array
     known: Array
@@ -146,7 +150,7 @@ def _contrast(kind: RunKind, truth: FittedModel, rival: FittedModel, temperature
     right, wrong = kind.model(truth), kind.model(rival)
     values = values_in(wrong, rival)
     coefficients, slopes = wrong.coefficients(values, kind.group)
-    wander = own_to_a_run(wrong, values, coefficients, kind.group)
+    wander = random_effect_columns(wrong, values, coefficients, kind.group)
     slopes = np.concatenate((slopes, wander), axis=1)
     every = np.union1d(right.active, wrong.active)
     gap, reach = np.zeros(len(every)), np.zeros((len(every), slopes.shape[1]))
@@ -210,7 +214,7 @@ def apart(
     return Apart(max(float(gap @ products @ gap - pull @ moved) - zero, 0.0), zero)
 
 
-def held_by(candidates: Sequence[FittedModel], motion: Motion) -> list[Effect]:
+def effects_in(candidates: Sequence[FittedModel], motion: Motion) -> list[Effect]:
     """Effects of all the models, each once, that act in such a run."""
     every = {c.effect.id: c.effect for t in candidates for c in t.choices}
     return [e for e in every.values() if e.bench or motion.finger is not None]
@@ -261,8 +265,6 @@ def known_of(model: Model, fitted: FittedModel, temperature: float) -> Array:
     return result
 
 
-FOUND: Final = "missing_effect"
-HIDDEN: Final = "nothing_missing"
 SessionFeatures = tuple[Mapping[str, float], str]
 """What ``score.calibration.session_features`` says of sessions."""
 
@@ -319,7 +321,7 @@ class GainCalibration:
 @cache
 def gain_calibration() -> GainCalibration:
     """The table that comes with the program."""
-    text = files("fingerlab.resources").joinpath("foretelling.json").read_text(encoding="utf-8")
+    text = files("fingerlab.resources").joinpath("gain_calibration.json").read_text(encoding="utf-8")
     return structured(GainCalibration, json.loads(text))
 
 
@@ -339,7 +341,7 @@ class Outlook:
     @cached_property
     def _limits(self) -> Array:
         """Log odds down to which each answer is in the set of a missing effect, (answers,)."""
-        return np.array([self.table.threshold(FOUND, name) for name in self.odds.answers])
+        return np.array([self.table.threshold(Verdict.MISSING_EFFECT, name) for name in self.odds.answers])
 
     def probabilities(self, odds: Odds | None = None) -> Array:
         """Of every answer, (answers,); ``odds``: None for those as they are."""

@@ -73,15 +73,15 @@ def _pivoted(matrix: Array, slope: Array, floor: Array, ceiling: Array) -> Array
         known.add(state)
         step = np.where(at_floor, floor, 0.0)
         step[at_ceiling] = ceiling[at_ceiling]
-        held = at_floor | at_ceiling
-        free = (~held).nonzero()[0]
+        at_bound = at_floor | at_ceiling
+        free = (~at_bound).nonzero()[0]
         if len(free):
             rest = slope + matrix @ step
             among = matrix.take(free[:, None] * len(slope) + free)
             step[free] = np.linalg.solve(among, -rest[free])
         pull = slope + matrix @ step
-        now_floor = (at_floor & (pull > -1e-6)) | (~held & (step < floor - 1e-12))
-        now_ceiling = (at_ceiling & (pull < 1e-6)) | (~held & (step > ceiling + 1e-12))
+        now_floor = (at_floor & (pull > -1e-6)) | (~at_bound & (step < floor - 1e-12))
+        now_ceiling = (at_ceiling & (pull < 1e-6)) | (~at_bound & (step > ceiling + 1e-12))
         wrong = ((now_floor != at_floor) | (now_ceiling != at_ceiling)).nonzero()[0]
         if len(wrong) == 0:
             return np.asarray(step)

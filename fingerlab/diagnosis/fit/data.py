@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from fingerlab.diagnosis.equations.features import IntArray, Pick
+from fingerlab.diagnosis.equations.features import FeatureSet
 from fingerlab.diagnosis.equations.model import Model
 from fingerlab.diagnosis.equations.parameters import SET_DOWN
 from fingerlab.diagnosis.fit.noise import (
@@ -25,15 +25,8 @@ from fingerlab.diagnosis.fit.noise import (
     log_widening,
     noise_of_a_sample,
 )
-from fingerlab.diagnosis.gram.sums import (
-    EquationWeights,
-    Group,
-    Offsets,
-    RunConstants,
-    RunTotals,
-    Sums,
-    total,
-)
+from fingerlab.diagnosis.gram.run_constants import EquationWeights, Offsets, RunConstants, RunTotals
+from fingerlab.diagnosis.gram.sums import Group, Sums, total
 from fingerlab.diagnosis.settings import (
     CORRELATED_VALUES,
     LEAST_REPEATS,
@@ -47,7 +40,7 @@ from fingerlab.diagnosis.settings import (
 )
 from fingerlab.diagnosis.signals.conditions import GroupKey
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
-from fingerlab.sessions.model import Array
+from fingerlab.sessions.model import Array, IntArray
 
 Weights = Mapping[GroupKey, Array]
 """Inverse covariance of the equations' noise for each group, (5, 5) over :class:`Row`."""
@@ -91,17 +84,17 @@ class Weighted:
 class FeatureProducts:
     """Products of a model's features in a group, (k, k) each, or its folds, (folds, k, k): see :class:`Sums`.
 
-    All samples with noise and without, those at rest with noise and without; where the cable is slack the
-    cable equation's own, and those of all others with noise and without.
+    Of all samples, of those ``at_rest``, and of those where the cable is slack: the cable equation's own
+    (``slack_cable``), and all others' (``slack_others``). Those that end in ``denoised`` are without noise.
     """
 
-    raw: Array
-    clean: Array
-    still: Array | None
-    quiet: Array | None
-    slack: Array | None
-    loose: Array | None
-    hanging: Array | None
+    products: Array
+    denoised: Array
+    at_rest: Array | None
+    at_rest_denoised: Array | None
+    slack_cable: Array | None
+    slack_others: Array | None
+    slack_others_denoised: Array | None
 
     def __getitem__(self, fold: int) -> FeatureProducts:
         """Of one of several folds."""
@@ -109,20 +102,18 @@ class FeatureProducts:
 
     def of(self, folds: IntArray, columns: IntArray) -> FeatureProducts:
         """Of some of several folds, the products of all features with some."""
-        among = folds[:, None, None], np.arange(self.raw.shape[1])[None, :, None], columns[None, None, :]
+        among = folds[:, None, None], np.arange(self.products.shape[1])[None, :, None], columns[None, None, :]
         return self._each(lambda part: part[among])
 
     def _each(self, taken: Callable[[Array], Array]) -> FeatureProducts:
-        rest = (self.still, self.quiet, self.slack, self.loose, self.hanging)
-        return FeatureProducts(
-            taken(self.raw), taken(self.clean), *(None if part is None else taken(part) for part in rest)
-        )
+        products, denoised, *parts = vars(self).values()
+        others = (None if part is None else taken(part) for part in parts)
+        return FeatureProducts(taken(products), taken(denoised), *others)
 
     @property
     def bytes(self) -> int:
         """That it takes."""
-        parts = (self.raw, self.clean, self.still, self.quiet, self.slack, self.loose, self.hanging)
-        return sum(part.nbytes for part in parts if part is not None)
+        return sum(part.nbytes for part in vars(self).values() if part is not None)
 
 
 class Data:
@@ -177,17 +168,17 @@ class Data:
         ``weight`` of each product of the model's features, (k, k); ``standing`` and ``slack`` give by how
         much it changes where the motor stands and where the cable is slack, if that ever happens.
         """
-        curvature, matrix = found.raw * weight, found.clean * weight
-        if found.loose is not None and found.hanging is not None:
+        curvature, matrix = found.products * weight, found.denoised * weight
+        if found.slack_others is not None and found.slack_others_denoised is not None:
             less = slack()
-            curvature += found.loose * less
-            matrix += found.hanging * less
-        if found.still is not None and found.quiet is not None:
+            curvature += found.slack_others * less
+            matrix += found.slack_others_denoised * less
+        if found.at_rest is not None and found.at_rest_denoised is not None:
             less = standing()
-            curvature += found.still * less
-            matrix += found.quiet * less
-        if found.slack is not None and not model.slack_free:
-            charge = found.slack * (EFFECTIVE_SHARE / SLACK_SPREAD_M**2)
+            curvature += found.at_rest * less
+            matrix += found.at_rest_denoised * less
+        if found.slack_cable is not None and not model.slack_free:
+            charge = found.slack_cable * (EFFECTIVE_SHARE / SLACK_SPREAD_M**2)
             curvature += charge
             matrix += charge
         return Weighted(curvature, matrix)
@@ -214,17 +205,17 @@ class Data:
             self._folds_bytes -= self._folds.popitem(last=False)[1].bytes
         return found
 
-    def _gathered(self, i: int, parts: Sequence[Sums], pick: Pick) -> FeatureProducts:
+    def _gathered(self, i: int, parts: Sequence[Sums], pick: FeatureSet) -> FeatureProducts:
         """Of several parts of group ``i``, (parts, k, k)."""
         slack_noise, moving_noise, rest_noise = self._noise_of(i, pick)
         raw = _of_each(pick, [part.products for part in parts])
-        loose = _of_each(pick, [part.loose for part in parts])
+        slack = _of_each(pick, [part.slack for part in parts])
         still = _of_each(pick, [part.rest for part in parts])
         assert raw is not None
         others = None
-        if loose is not None:
-            others = loose * (1.0 - pick.in_cable)
-            raw -= loose * pick.in_cable
+        if slack is not None:
+            others = slack * (1.0 - pick.in_cable)
+            raw -= slack * pick.in_cable
         samples, taut, rest = (
             np.array(counts)[:, None, None]
             for counts in zip(*((p.samples, p.taut_samples, p.rest_samples) for p in parts), strict=True)
@@ -235,12 +226,12 @@ class Data:
             raw - (taut - rest) * moving_noise - rest * rest_noise - slack_noise,
             still,
             None if still is None else still - rest * rest_noise,
-            None if loose is None else loose * pick.both_cable,
+            None if slack is None else slack * pick.both_cable,
             others,
             None if others is None else others - slack_noise,
         )
 
-    def _noise_of(self, i: int, pick: Pick) -> tuple[Array, ...]:
+    def _noise_of(self, i: int, pick: FeatureSet) -> tuple[Array, ...]:
         """What noise adds to products of features of a group, (k, k) each, as of :func:`limited_noise`."""
         signals, place = pick.each_once
         key = i, signals.tobytes()
@@ -250,7 +241,7 @@ class Data:
         return tuple(one[square] for one in self._noise[key])
 
     def by_constants(
-        self, i: int, part: FoldNumbers | None, weights: EquationWeights, picks: Sequence[Pick]
+        self, i: int, part: FoldNumbers | None, weights: EquationWeights, picks: Sequence[FeatureSet]
     ) -> tuple[Array, list[Array]] | None:
         """What ``schur_complement`` needs to take the runs' own constants out of products of some features.
 
@@ -307,7 +298,9 @@ class Data:
             self._at_rest[i] = known
         return known[1]
 
-    def held(self, i: int, model: Model, coefficients: Array, weights: Array) -> tuple[Array, float] | None:
+    def stiction_weights(
+        self, i: int, model: Model, coefficients: Array, weights: Array
+    ) -> tuple[Array, float] | None:
         """What friction that sticks does to group ``i`` where the motor stands; None: nothing.
 
         The change of the weights, (5, 5), beside the encoder's, and by how much the logarithm of the density
@@ -317,7 +310,7 @@ class Data:
         group = self.groups[i]
         if group.whole.rest is None or not model.stiction:
             return None
-        products = self.gathered(i, None, model).raw
+        products = self.gathered(i, None, model).products
         spread = encoder_spread(group.encoder_variance)
         own = np.zeros((5, 5))
         for mine in map(np.flatnonzero, model.stiction):
@@ -332,7 +325,7 @@ class Data:
         return change, min(whole.standstills, EFFECTIVE_SHARE * whole.rest_samples) * wide
 
 
-def _of_each(pick: Pick, products: Sequence[Array | None]) -> Array | None:
+def _of_each(pick: FeatureSet, products: Sequence[Array | None]) -> Array | None:
     """Products of the features in every part, (parts, k, k), zero where a part has none; None: none has."""
     if all(one is None for one in products):
         return None
@@ -363,7 +356,9 @@ def tells_set_down(group: Group, condition: int) -> bool:
     return group.in_contact and len(group.of_condition(condition)) >= LEAST_REPEATS
 
 
-def own_to_a_run(model: Model, values: Array, coefficients: Array, group: Group, condition: int = 0) -> Array:
+def random_effect_columns(
+    model: Model, values: Array, coefficients: Array, group: Group, condition: int = 0
+) -> Array:
     """What one standard deviation of all that a run has of its own adds to the features, (k, parts).
 
     Args:

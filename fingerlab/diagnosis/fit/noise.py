@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from fingerlab.diagnosis.equations.features import NO_SHIFT, BoolArray, IntArray, Layout
+from fingerlab.diagnosis.equations.features import NO_SHIFT, Layout
 from fingerlab.diagnosis.equations.model import Model
 from fingerlab.diagnosis.equations.parameters import RUBS, SLIPS
 from fingerlab.diagnosis.gram.state_law import left_out_covariance
@@ -35,7 +35,7 @@ from fingerlab.diagnosis.settings import (
     TIP_FRICTION_SPREAD,
 )
 from fingerlab.effects.base import Row
-from fingerlab.sessions.model import Array
+from fingerlab.sessions.model import Array, BoolArray, IntArray
 
 
 def noise_of_a_sample(group: Group, square: Any = slice(None)) -> Array:
@@ -66,9 +66,9 @@ def limited_noise(group: Group, signals: IntArray) -> tuple[Array, Array, Array]
     limited = slack = _limited(noise, every / whole.samples)
     # Each by its own moments: the equations' weights differ, and what one has too much the other cannot lack.
     taut, samples = every, whole.taut_samples
-    if whole.loose is not None:
-        slack = _limited(limited, whole.loose[square] / max(whole.slack_samples, 1))
-        taut = every - whole.loose[square]
+    if whole.slack is not None:
+        slack = _limited(limited, whole.slack[square] / max(whole.slack_samples, 1))
+        taut = every - whole.slack[square]
         limited = _limited(limited, taut / max(samples, 1))
     # Where a motor alone sticks, what acts there alone has its noise there: taken from the motion it would
     # leave less than nothing. A finger that stands has the noise of its own sensors at all times.
@@ -135,7 +135,7 @@ def fill_missing_noise(reduced: Reduced) -> None:
                 like = [g for g in known if g.in_contact == phase] or known
                 pooled = sum((g.noise for g in like[1:]), like[0].noise)
                 samples = sum(g.noise_samples for g in like)
-                _give([g for g in alike if g.in_contact == phase], pooled, samples)
+                _share_noise([g for g in alike if g.in_contact == phase], pooled, samples)
         elif on_bench and alike:
             variance = torque_noise(reduced)
             bounded = variance == 0.0
@@ -149,7 +149,7 @@ def fill_missing_noise(reduced: Reduced) -> None:
             noise[signal, signal] = variance
             for group in alike if variance > 0 else []:
                 group.bounded = bounded
-            _give(alike if variance > 0 else [], noise, 1.0)
+            _share_noise(alike if variance > 0 else [], noise, 1.0)
 
 
 DERIVATIVES = {"bench_trace": 1, "bench_inertia": 2, "rotor_inertia": 2}
@@ -183,7 +183,7 @@ def torque_noise(reduced: Reduced) -> float:
     return max(pull, 0.0) * reduced.radius**2
 
 
-def _give(groups: Sequence[Group], noise: np.ndarray, samples: float) -> None:
+def _share_noise(groups: Sequence[Group], noise: np.ndarray, samples: float) -> None:
     for group in groups:
         if group.noise_samples <= 0:
             group.noise, group.noise_samples = noise.copy(), samples
@@ -257,7 +257,7 @@ def scatter_of_runs(model: Model, values: Array, group: Group, means: bool) -> A
         contrasts += len(runs) - 1
     if not contrasts:
         return found
-    if group.whole.loose is not None:
+    if group.whole.slack is not None:
         found[Row.CABLE], found[:, Row.CABLE] = 0.0, 0.0
     sizes, directions = np.linalg.eigh(found / contrasts)
     return np.asarray((directions * np.maximum(sizes, 0.0)) @ directions.T)
@@ -267,7 +267,7 @@ def floor_covariance(model: Model, values: Array, group: Group, weights: Array, 
     """Covariance (5, 5) of what no model can better, of one sample: of noise, and of what runs differ by.
 
     Where no motion was told twice, what runs differ by is what their friction does, as in the score: see
-    ``own_to_a_run``.
+    ``random_effect_columns``.
 
     Args:
         means: whether what runs leave on their averages counts, see :func:`scatter_of_runs`.

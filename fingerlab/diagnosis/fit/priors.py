@@ -14,14 +14,13 @@ from collections.abc import Collection, Sequence
 
 import numpy as np
 
-from fingerlab.diagnosis.equations.coefficients import CABLE_NAMES
 from fingerlab.diagnosis.equations.features import NO_SHIFT, Layout
 from fingerlab.diagnosis.equations.model import Model
 from fingerlab.diagnosis.equations.parameters import ARMS, LOSSES, TORQUE_ZERO
 from fingerlab.diagnosis.gram.sums import Group, Sums
 from fingerlab.diagnosis.settings import FIRST_ARM_M, FIRST_ARMS_M, SIMPLER_FIRST, USUAL_LOSS_NM
 from fingerlab.effects.base import Row
-from fingerlab.sessions.model import Array
+from fingerlab.sessions.model import CABLE_NAMES, Array
 
 
 def starting_arms(layout: Layout, groups: Sequence[Group]) -> dict[str, float]:

@@ -12,11 +12,10 @@ from functools import cached_property
 
 import numpy as np
 
-from fingerlab.diagnosis.equations.features import BoolArray, IntArray
 from fingerlab.diagnosis.fit.bounded_step import bounded_step
 from fingerlab.diagnosis.fit.data import Weighted
-from fingerlab.diagnosis.settings import PIVOTING_ROUNDS
-from fingerlab.sessions.model import Array
+from fingerlab.diagnosis.settings import PIVOTING_ROUNDS, RUN_VARIATION_BOUND
+from fingerlab.sessions.model import Array, BoolArray, IntArray
 
 
 @dataclass(frozen=True)
@@ -26,23 +25,23 @@ class BoundTerms:
     Attributes:
         folds: that hold these runs, (n,).
         slope: by the features' coefficients, (n, k).
-        cross, pulled: products of the features with the parts, (n, k, parts), with noise and without.
-        give: what the parts would yield more without bounds, (n, parts, parts).
+        cross, cross_denoised: products of the features with the parts, (n, k, parts), with noise and without.
+        compliance: what the parts would yield more without bounds, (n, parts, parts).
     """
 
     folds: IntArray
     slope: Array
     cross: Array
-    pulled: Array
-    give: Array
+    cross_denoised: Array
+    compliance: Array
 
     def along(self, jacobian: Array) -> Weighted:
         """Curvature and matrix of each fold along some derivatives of the coefficients, (k, p): (n, p, p)."""
-        return Weighted(*(self._along(across, jacobian) for across in (self.cross, self.pulled)))
+        return Weighted(*(self._along(across, jacobian) for across in (self.cross, self.cross_denoised)))
 
     def _along(self, across: Array, jacobian: Array) -> Array:
         mine = across.transpose(0, 2, 1) @ jacobian
-        return np.asarray(mine.transpose(0, 2, 1) @ (self.give @ mine))
+        return np.asarray(mine.transpose(0, 2, 1) @ (self.compliance @ mine))
 
 
 @dataclass(frozen=True)
@@ -52,8 +51,8 @@ class RandomEffects:
     Attributes:
         parts: what one standard deviation of each adds to the features, (k, parts).
         folds: numbers of the folds that hold these runs, in order.
-        cross, pulled: products of the features with these parts over every fold, (folds, k, parts), with
-            noise and without.
+        cross, cross_denoised: products of the features with these parts over every fold, (folds, k, parts),
+            with noise and without.
         precision: with which each part is held near zero: 1 at face value.
         bound: standard deviations, at face value, that a part is off zero at most.
     """
@@ -61,7 +60,7 @@ class RandomEffects:
     parts: Array
     folds: IntArray
     cross: Array
-    pulled: Array
+    cross_denoised: Array
     precision: float
     bound: float
 
@@ -78,22 +77,22 @@ class RandomEffects:
     @cached_property
     def _wanted(self) -> Array:
         """What every part would be without bounds, by the features' coefficients, (folds * parts, k)."""
-        size = self.pulled.shape[1]
-        return np.asarray(self.inverse @ self.pulled.transpose(0, 2, 1)).reshape(-1, size)
+        size = self.cross_denoised.shape[1]
+        return np.asarray(self.inverse @ self.cross_denoised.transpose(0, 2, 1)).reshape(-1, size)
 
     @cached_property
     def schur_complement(self) -> Weighted:
         """What they take up of curvature and matrix of every fold without bounds, (folds, k, k)."""
-        cross, pulled = self.cross, self.pulled
+        cross, cross_denoised = self.cross, self.cross_denoised
         return Weighted(
             cross @ self.inverse @ cross.transpose(0, 2, 1),
-            pulled @ self.inverse @ pulled.transpose(0, 2, 1),
+            cross_denoised @ self.inverse @ cross_denoised.transpose(0, 2, 1),
         )
 
     @cached_property
     def schur_complement_of_all(self) -> Weighted:
         """The same of all folds, (k, k)."""
-        return Weighted(self._together(self.cross), self._together(self.pulled))
+        return Weighted(self._together(self.cross), self._together(self.cross_denoised))
 
     def _together(self, across: Array) -> Array:
         size = across.shape[1]
@@ -103,12 +102,12 @@ class RandomEffects:
     def explained(self, coefficients: Array) -> float:
         """What of the misfit of all its runs they take up at these coefficients of the features, (k,)."""
         wanted = self._wanted @ coefficients
-        taken = float(np.sum(wanted * (coefficients @ self.pulled).reshape(-1)))
+        taken = float(np.sum(wanted * (coefficients @ self.cross_denoised).reshape(-1)))
         return taken - self.misfit_at_bounds(coefficients)
 
     def misfit_at_bounds(self, coefficients: Array) -> float:
         """What the bounds add to what all runs leave."""
-        found = self._stand(coefficients)
+        found = self._clipped_runs(coefficients)
         if found is None:
             return 0.0
         far, short, _ = found
@@ -116,17 +115,17 @@ class RandomEffects:
 
     def beyond(self, coefficients: Array) -> BoundTerms | None:
         """The same as slope and curvature; None where no part would go further than its bound."""
-        found = self._stand(coefficients)
+        found = self._clipped_runs(coefficients)
         if found is None:
             return None
         far, short, free = found
         both = free[:, :, None] & free[:, None, :]
         moving = np.where(both, np.linalg.inv(np.where(both, self.system[far], np.eye(short.shape[1]))), 0.0)
-        cross, pulled = self.cross[far], self.pulled[far]
-        slope = (pulled @ short[:, :, None])[:, :, 0]
-        return BoundTerms(self.folds[far], slope, cross, pulled, self.inverse[far] - moving)
+        cross, cross_denoised = self.cross[far], self.cross_denoised[far]
+        slope = (cross_denoised @ short[:, :, None])[:, :, 0]
+        return BoundTerms(self.folds[far], slope, cross, cross_denoised, self.inverse[far] - moving)
 
-    def _stand(self, coefficients: Array) -> tuple[IntArray, Array, BoolArray] | None:
+    def _clipped_runs(self, coefficients: Array) -> tuple[IntArray, Array, BoolArray] | None:
         """Of the runs with a part at its bound, their places, (n,); how far each part falls short of what it
         would be without bounds, and which parts are at none, (n, parts) each."""
         wanted = (self._wanted @ coefficients).reshape(len(self.folds), -1)
@@ -138,7 +137,7 @@ class RandomEffects:
 
 
 def _within(curvatures_of_folds: Array, unconstrained: Array, bound: float) -> tuple[Array, BoolArray]:
-    """Where each of some bowls is lowest within the same bounds, and which parts are at none, (n, parts).
+    """Where each of some parabolas is lowest within the same bounds, and which parts are at none, (n, parts).
 
     All bounds that are wrong are exchanged at once (block principal pivoting, as in ``bounded_step``), in
     every system; one that does not settle so is taken by itself.
@@ -150,15 +149,15 @@ def _within(curvatures_of_folds: Array, unconstrained: Array, bound: float) -> t
     side = np.sign(unconstrained) * (np.abs(unconstrained) > bound)
     one = np.eye(unconstrained.shape[1])
     for _ in range(PIVOTING_ROUNDS):
-        held = side != 0
-        off = np.where(held, side * bound - unconstrained, 0.0)
-        both = ~held[:, :, None] & ~held[:, None, :]
-        pull = np.where(held, 0.0, -_times(curvatures_of_folds, off))
+        at_bound = side != 0
+        off = np.where(at_bound, side * bound - unconstrained, 0.0)
+        both = ~at_bound[:, :, None] & ~at_bound[:, None, :]
+        pull = np.where(at_bound, 0.0, -_times(curvatures_of_folds, off))
         off += np.linalg.solve(np.where(both, curvatures_of_folds, one), pull[:, :, None])[:, :, 0]
         stands = unconstrained + off
         pushed = side * _times(curvatures_of_folds, off) < 0.0
         out = np.sign(stands) * (np.abs(stands) > bound * (1.0 + 1e-12))
-        following = np.where(held, side * pushed, out)
+        following = np.where(at_bound, side * pushed, out)
         open_ones = np.flatnonzero((following != side).any(axis=1))
         if not len(open_ones):
             break
@@ -169,10 +168,82 @@ def _within(curvatures_of_folds: Array, unconstrained: Array, bound: float) -> t
             stands[k] = bounded_step(
                 at, -curvatures_of_folds[k] @ unconstrained[k], curvatures_of_folds[k], -most, most
             )
-        held = np.abs(stands) >= bound * (1.0 - 1e-9)
-    return stands, ~held
+        at_bound = np.abs(stands) >= bound * (1.0 - 1e-9)
+    return stands, ~at_bound
 
 
 def _times(matrices: Array, vectors: Array) -> Array:
     """Of each of some matrices with its vector, (n, parts)."""
     return np.asarray((matrices @ vectors[:, :, None])[:, :, 0])
+
+
+def explained(own: Array, h: Array, sums: Weighted) -> float:
+    """What of a misfit the run's own share of the features explains, less what that costs: as a Gaussian.
+
+    Args:
+        own: what one standard deviation of each part adds to the features, (k, parts).
+        h: the features' coefficients, (k,). sums: weighted products of the features over the run.
+    """
+    if not own.shape[1]:
+        return 0.0
+    pull = own.T @ sums.matrix @ h
+    stiffness = own.T @ sums.curvature @ own + np.eye(own.shape[1])
+    return _fall_within_bounds(stiffness, pull, 0)
+
+
+def own_share(own: Array, h: Array, sums: Weighted) -> Array:
+    """What a run's own share of the features would have to be for its misfit to be least, (k,)."""
+    if not own.shape[1]:
+        return np.zeros(len(h))
+    stiffness = own.T @ sums.curvature @ own + np.eye(own.shape[1])
+    found = np.linalg.solve(stiffness, own.T @ sums.matrix @ h)
+    return np.asarray(-own @ np.clip(found, -RUN_VARIATION_BOUND, RUN_VARIATION_BOUND))
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """What the runs but those of one split tell.
+
+    Attributes:
+        values: of the unknowns, (p,). information: how well they are known, (p, p).
+        free: those that no bound holds, (p,).
+    """
+
+    values: Array
+    information: Array
+    free: BoolArray
+
+
+def predictive_correction(own: Array, h: Array, sums: Weighted, jacobian: Array, left: LeftOut) -> float:
+    """The same for a run that was left out, with what the constants may be otherwise, in twice log density.
+
+    Args:
+        jacobian: derivatives of the coefficients, (k, p). left: what the other runs tell.
+    """
+    free = np.flatnonzero(left.free)
+    size = len(free)
+    basis = np.concatenate((jacobian[:, free], own), axis=1)
+    stiffness = np.eye(basis.shape[1])
+    stiffness[:size, :size] = left.information[np.ix_(free, free)]
+    scale = 1.0 / np.sqrt(np.diag(stiffness))  # the unknowns have units of their own
+    basis = basis * scale
+    stiffness = stiffness * np.outer(scale, scale)
+    after = stiffness + basis.T @ sums.curvature @ basis
+    pull = basis.T @ sums.matrix @ h
+    found = float(np.linalg.slogdet(after[:size, :size])[1] - np.linalg.slogdet(stiffness[:size, :size])[1])
+    return _fall_within_bounds(after, pull, size) - found
+
+
+def _fall_within_bounds(stiffness: Array, pull: Array, size: int) -> float:
+    """By how much a misfit falls at its lowest; what stands behind ``size`` is what a run has of its own.
+
+    That is told in standard deviations and goes no further than so many: a friction that differs more from
+    run to run follows something that the model lacks.
+    """
+    found = np.linalg.solve(stiffness, pull)
+    own = np.clip(found[size:], -RUN_VARIATION_BOUND, RUN_VARIATION_BOUND)
+    if np.array_equal(own, found[size:]):
+        return float(pull @ found)
+    rest = pull[:size] - stiffness[:size, size:] @ own
+    found = np.concatenate((np.linalg.solve(stiffness[:size, :size], rest), own))
+    return float(2.0 * pull @ found - found @ stiffness @ found)

@@ -15,17 +15,16 @@ import numpy as np
 
 from fingerlab.diagnosis.equations.model import Model
 from fingerlab.diagnosis.fit.data import Weights
-from fingerlab.diagnosis.gram.sums import (
+from fingerlab.diagnosis.gram.run_constants import (
     KINDS,
     SOURCES,
     EquationWeights,
-    Group,
-    Reduced,
     RunConstants,
     of_constants,
     share_of_equations,
     with_constants,
 )
+from fingerlab.diagnosis.gram.sums import Group, Reduced
 from fingerlab.diagnosis.settings import (
     LEAST_CONSTANTS,
     LEAST_SHARE_OF_CONSTANTS,

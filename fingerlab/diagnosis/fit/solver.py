@@ -13,7 +13,6 @@ from functools import cached_property, partial
 import numpy as np
 
 from fingerlab.diagnosis.equations.coefficients import DELAY
-from fingerlab.diagnosis.equations.features import BoolArray, IntArray
 from fingerlab.diagnosis.equations.model import Model
 from fingerlab.diagnosis.equations.parameters import CHANGED_OFFSET, LOSSES
 from fingerlab.diagnosis.fit.bounded_step import bounded_step, scaled_inverse
@@ -23,29 +22,27 @@ from fingerlab.diagnosis.fit.data import (
     FoldNumbers,
     Weighted,
     Weights,
-    own_to_a_run,
+    random_effect_columns,
     tells_set_down,
     temperature_of,
 )
-from fingerlab.diagnosis.fit.random_effects import BoundTerms, RandomEffects
-from fingerlab.diagnosis.gram.sums import (
-    EquationWeights,
-    feature_weights,
-    schur_complement,
-    taken_up_by_folds,
-)
+from fingerlab.diagnosis.fit.random_effects import BoundTerms, LeftOut, RandomEffects
+from fingerlab.diagnosis.gram.run_constants import EquationWeights, schur_complement, taken_up_by_folds
+from fingerlab.diagnosis.gram.sums import feature_weights
 from fingerlab.diagnosis.settings import (
     LEAST_GAIN,
     LEAST_GAIN_SHARE,
+    MOST_ITERATIONS,
     RUN_VARIATION_BOUND,
     SETTLING_ITERATIONS,
+    STEP_FRACTIONS,
     WEAK_PRIOR,
 )
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
-from fingerlab.sessions.model import Array
+from fingerlab.sessions.model import Array, IntArray
 
-HELD = 1e12
-"""Weight of the prior of an unknown that is held: its deviation is a millionth of what it usually is."""
+FIXED_WEIGHT = 1e12
+"""Weight of the prior of an unknown that is fixed: its deviation is a millionth of what it usually is."""
 
 
 @dataclass(frozen=True)
@@ -76,20 +73,6 @@ class Fit:
         return np.sqrt(np.maximum(np.diag(self.covariance + (temperature - 1.0) * by_noise), 0.0))
 
 
-@dataclass(frozen=True)
-class LeftOut:
-    """What the runs but those of one turn tell.
-
-    Attributes:
-        values: of the unknowns, (p,). information: how well they are known, (p, p).
-        free: those that no bound holds, (p,).
-    """
-
-    values: Array
-    information: Array
-    free: BoolArray
-
-
 class Fitter:
     """Fits one model; keeps the weighted Gram matrices that all its iterations share."""
 
@@ -103,10 +86,10 @@ class Fitter:
         self._stacked: Weighted | None = None
         self._cables = tuple(g.cable_sign for g in data.groups)
         self._whole: tuple[Array, list[tuple[Array, Array]], tuple[Array, Array]] | None = None
-        self.sticks = bool(model.stiction) and any(g.whole.rest is not None for g in data.groups)
-        self.widening = 0.0  # see Data.held, all groups together
-        self._held: list[Array | None] = [None] * len(data.groups)
-        self.wanders = bool(model.run_varying) or bool(model.set_down.any())
+        self.has_stiction = bool(model.stiction) and any(g.whole.rest is not None for g in data.groups)
+        self.widening = 0.0  # see Data.stiction_weights, all groups together
+        self._stiction: list[Array | None] = [None] * len(data.groups)
+        self.has_random_effects = bool(model.run_varying) or bool(model.set_down.any())
         self._own: dict[int, list[RandomEffects]] = {}  # by group
         self._still: dict[int, Array] = {}
         self._weight: dict[int, Array] = {}
@@ -238,31 +221,31 @@ class Fitter:
         """How the weights of group ``i`` change where the motor stands, (5, 5)."""
         if i not in self._still:
             self._still[i] = self.data.standing(i, self.weights[self.data.groups[i].key])
-        held = self._held[i]
-        return self._still[i] if held is None else self._still[i] + held
+        stiction = self._stiction[i]
+        return self._still[i] if stiction is None else self._still[i] + stiction
 
-    def hold(self, values: Array, apart: bool = True, trusted: bool = False) -> None:
+    def set_friction_weights(self, values: Array, apart: bool = True, trusted: bool = False) -> None:
         """Weigh the moments at rest, and what differs from run to run, as the friction of ``values`` does.
 
         ``apart``: whether what is a run's own is set apart; ``trusted``: as if the model left nothing.
         """
-        if not (self.sticks or self.wanders):
+        if not (self.has_stiction or self.has_random_effects):
             return
-        coefficients = self.model.features_of(values, self._cables)
+        coefficients = self.model.terms.of(values, self._cables)
         self._stacked = self._whole = None
-        if self.sticks:
+        if self.has_stiction:
             found = [
-                self.data.held(i, self.model, coefficients[i], self.weights[g.key])
+                self.data.stiction_weights(i, self.model, coefficients[i], self.weights[g.key])
                 for i, g in enumerate(self.data.groups)
             ]
-            self._held = [None if one is None else one[0] for one in found]
+            self._stiction = [None if one is None else one[0] for one in found]
             self.widening = sum(one[1] for one in found if one is not None)
             resting = {i for i, one in enumerate(found) if one is not None}  # others are weighed as before
             self._parts = {key: one for key, one in self._parts.items() if key[0] not in resting}
             self._folds = {i: one for i, one in self._folds.items() if i not in resting}
             self._change = {i: one for i, one in self._change.items() if i not in resting}
             self._constants = {i: one for i, one in self._constants.items() if i not in resting}
-        if self.wanders and apart:
+        if self.has_random_effects and apart:
             self._own = self._random_effects(values, coefficients, trusted)
             if not trusted:
                 self._own = self._weighed(self._own, coefficients)
@@ -281,7 +264,7 @@ class Fitter:
             for condition in group.conditions:
                 alike.setdefault(tells_set_down(group, condition), []).append(condition)
             for conditions in alike.values():
-                parts = own_to_a_run(self.model, values, coefficients[i], group, conditions[0])
+                parts = random_effect_columns(self.model, values, coefficients[i], group, conditions[0])
                 folds = np.array(sorted(k for c in conditions for k in group.of_condition(c)))
                 if parts.shape[1] and len(folds):
                     curved, pulled = self._across(i, parts, folds)
@@ -306,14 +289,14 @@ class Fitter:
 
     def coefficients(self, values: Array) -> tuple[Array, Array]:
         """Of the model's features for every group, (groups, k), with their derivatives, (groups, k, p)."""
-        return self.model.coefficients_of(values, self._cables)
+        return self.model.terms.with_jacobian(values, self._cables)
 
     def cost(self, values: Array) -> float:
         """Minus twice the log posterior, up to a constant."""
         result = float(np.sum((values - self._mean) ** 2 * self._stiffness))
         if self.model.tie is not None:
             result += self.model.tie.cost(values)
-        coefficients = self.model.features_of(values, self._cables)
+        coefficients = self.model.terms.of(values, self._cables)
         for h, matrix in zip(coefficients, self.stacked().matrix, strict=True):
             result += float(h @ matrix @ h)
         for i, each in self._own.items():
@@ -331,25 +314,25 @@ class Fitter:
             u.open or (u.name in LOSSES and u.cable in pressed) or (u.key == DELAY and self.model.delayed)
             for u in self.model.unknowns
         ]
-        held = [u.key in self.model.held for u in self.model.unknowns]
-        return np.where(held, HELD, np.where(weak, WEAK_PRIOR, 1.0))
+        fixed = [u.key in self.model.fixed for u in self.model.unknowns]
+        return np.where(fixed, FIXED_WEIGHT, np.where(weak, WEAK_PRIOR, 1.0))
 
-    def run(self, start: Array | None = None, iterations: int = 12) -> Fit:
+    def run(self, start: Array | None = None, iterations: int = MOST_ITERATIONS) -> Fit:
         """Newton steps with halving from ``start``; stops when the cost no longer falls.
 
         What a friction may hold at rest, and by how much it differs from run to run, follows from its size,
         so that size is found first.
         """
         known = self._mean if start is None else start
-        if not (self.sticks or self.wanders):
+        if not (self.has_stiction or self.has_random_effects):
             return self._run(known, iterations)
-        self.hold(known, trusted=True)
+        self.set_friction_weights(known, trusted=True)
         fit = self._run(known, iterations)
         if self._own and fit.cost < -EFFECTIVE_SHARE * sum(g.samples for g in self.data.groups):
             return self._together(known, iterations)
         if iterations < SETTLING_ITERATIONS:
             return fit
-        self.hold(fit.values)
+        self.set_friction_weights(fit.values)
         fit = self._run(fit.values, iterations)
         return replace(fit, with_own=self._information_with_own(fit.values)) if self._own else fit
 
@@ -359,7 +342,7 @@ class Fitter:
         Where what the runs have of their own takes away more than there is, noise was taken from a fold that
         does not hold it: such a cost has no least value, and a fit runs away along it.
         """
-        self.wanders, self._own, self._stacked, self._whole = False, {}, None, None
+        self.has_random_effects, self._own, self._stacked, self._whole = False, {}, None, None
         return self.run(start, iterations)
 
     def _information_with_own(self, values: Array) -> Array:
@@ -398,7 +381,7 @@ class Fitter:
             return values, -np.inf
         step = bounded_step(values, gradient, curvature, self._low, self._high)
         gain = 0.0
-        for fraction in (1.0, 0.5, 0.2, 0.05):
+        for fraction in STEP_FRACTIONS:
             trial = np.clip(values + fraction * step, self._low, self._high)
             gain = cost - self.cost(trial)
             if gain > 0.0:
@@ -407,8 +390,8 @@ class Fitter:
                 break
         return values, gain
 
-    def without(self, values: Array, turn: int) -> LeftOut:
-        """One step from the fit ``values`` to that of the runs without the folds of a turn.
+    def without(self, values: Array, split: int) -> LeftOut:
+        """One step from the fit ``values`` to that of the runs without the folds of a split.
 
         A group of which nothing would be left stays in.
         """
@@ -429,7 +412,7 @@ class Fitter:
             self._whole = values, list(zip(pulls, bends, strict=True)), self.normal_equations(values)
         _, folds, (gradient, information) = self._whole
         for group, (pull, bend) in zip(self.data.groups, folds, strict=True):
-            for k in group.of_turn(turn):
+            for k in group.of_split(split):
                 gradient = gradient - pull[k]
                 information = information - bend[k]
         if np.any(np.diag(information) < self._stiffness):
@@ -456,8 +439,8 @@ class Fitter:
         gradient = self._stiffness * (values - self._mean)
         information = np.diag(self._stiffness)
         if self.model.tie is not None:
-            pull, hold = self.model.tie.expansion(values)
-            gradient, information = gradient + pull, information + hold
+            pull, curvature = self.model.tie.expansion(values)
+            gradient, information = gradient + pull, information + curvature
         sums = self.stacked()
         h, jacobian = self.coefficients(values)
         across = jacobian.reshape(-1, len(values)).T

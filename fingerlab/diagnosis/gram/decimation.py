@@ -21,8 +21,8 @@ from itertools import count
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from fingerlab.diagnosis.equations.columns import Asked, Column, all_columns, effect_columns
-from fingerlab.diagnosis.equations.features import SHIFT_SAMPLES, SLOPE, BoolArray, IntArray
+from fingerlab.diagnosis.equations.columns import Column, ReadRequest, all_columns, effect_columns
+from fingerlab.diagnosis.equations.features import SHIFT_SAMPLES, SLOPE
 from fingerlab.diagnosis.settings import (
     AT_ONCE,
     AT_REST_DEG,
@@ -32,10 +32,13 @@ from fingerlab.diagnosis.settings import (
     PULLED_SHARE,
     REST_REACH,
     SLACK_NOISES,
+    SLACK_REACH,
     SLACK_TENSION_N,
+    STUCK_MIX,
     STUCK_REACH,
     STUCK_SHARE,
     STUCK_STEPS,
+    TENSION_SAMPLES,
 )
 from fingerlab.diagnosis.signals.filters import (
     NARROW_HALF,
@@ -47,7 +50,7 @@ from fingerlab.diagnosis.signals.filters import (
 from fingerlab.effects.base import Effect, Shape
 from fingerlab.effects.transmission import DRIVE, driven_tension
 from fingerlab.physics.motion import Motion
-from fingerlab.sessions.model import Array
+from fingerlab.sessions.model import Array, BoolArray, IntArray
 
 
 def drive_shape(effects: Sequence[Effect]) -> Shape:
@@ -67,12 +70,10 @@ def taut_moments(motion: Motion, inner: slice, drive: Shape) -> BoolArray:
         return np.ones(len(decimate(motion.time[inner])), dtype=bool)
     pull = driven_tension(motion, drive)
     pull = pull - INERTIA_SPREADS * motion.inertia_spread * np.abs(motion.acceleration) / motion.radius
-    smooth = np.convolve(pull, np.ones(9) / 9, mode="same")  # 36 ms: the tension's own noise is then small
+    smooth = np.convolve(pull, np.ones(TENSION_SAMPLES) / TENSION_SAMPLES, mode="same")
     noise = float(np.median(np.abs(pull - smooth)[inner])) if len(pull[inner]) else 0.0
     loose = (smooth < max(SLACK_TENSION_N, SLACK_NOISES * noise))[inner]
-    # A slack cable hangs through by millimetres, the taut one is known to micrometres: no window that
-    # holds a slack moment anywhere but at its very ends may pass for taut.
-    return ~near_moments(loose, NARROW_HALF - NARROW_HALF // 8)
+    return ~near_moments(loose, int(SLACK_REACH * NARROW_HALF))
 
 
 def near_moments(moments: BoolArray, reach: int) -> BoolArray:
@@ -114,8 +115,7 @@ def rest_moments(motion: Motion, inner: slice) -> BoolArray:
     standing = _standing(motion.position[inner])
     if motion.finger is not None:
         return standing
-    # What a window holds beyond three quarters of its reach weighs less than a hundredth in it.
-    return standing | near_moments(stuck_moments(motion, inner), NARROW_HALF - NARROW_HALF // 4)
+    return standing | near_moments(stuck_moments(motion, inner), int(STUCK_MIX * NARROW_HALF))
 
 
 def _standing(position: Array) -> BoolArray:
@@ -270,16 +270,16 @@ class SegmentCache:
         return run in self._runs
 
 
-def decimated_again(segment: CachedSegment, effects: Sequence[Effect], asked: Asked) -> Decimated:
+def decimated_again(segment: CachedSegment, effects: Sequence[Effect], asked: ReadRequest) -> Decimated:
     """The signals that are asked for, of a segment that was read before; few are formed."""
     low = np.zeros((len(asked.cached), len(segment.time)))
     rows = np.full(max(int(segment.live.max(initial=-1)), int(asked.cached.max())) + 1, -1)
     rows[segment.live] = np.arange(len(segment.live))
     known = asked.cached >= 0
     places = np.flatnonzero(known)
-    held = rows[asked.cached[places]]
-    places, held = places[held >= 0], held[held >= 0]
-    low[places] = segment.low[held]
+    cached = rows[asked.cached[places]]
+    places, cached = places[cached >= 0], cached[cached >= 0]
+    low[places] = segment.low[cached]
     wanted = [effects[k] for k in asked.formed]
     # Positions of their features, in the order in which the columns come.
     signals = np.concatenate([asked.features[k] for k in asked.formed] or [np.zeros(0, dtype=int)])

@@ -19,9 +19,10 @@ import numpy as np
 
 from fingerlab.core.errors import UserError
 from fingerlab.core.progress import SILENT, Watch
-from fingerlab.diagnosis.equations.columns import Asked, asked_of, layout_of
+from fingerlab.diagnosis.equations.columns import ReadRequest, asked_of, layout_of
 from fingerlab.diagnosis.equations.features import Layout
 from fingerlab.diagnosis.gram.decimation import Decimated, SegmentCache
+from fingerlab.diagnosis.gram.run_constants import RunConstants
 from fingerlab.diagnosis.gram.run_sums import Keep, in_place, pair_sums, run_sums, sums_in_turn
 from fingerlab.diagnosis.gram.state_law import torque_products
 from fingerlab.diagnosis.gram.sums import (
@@ -29,7 +30,6 @@ from fingerlab.diagnosis.gram.sums import (
     Group,
     PairSums,
     Reduced,
-    RunConstants,
     RunSums,
     TorqueNoise,
     add_among,
@@ -42,7 +42,7 @@ from fingerlab.diagnosis.signals.conditions import (
     Fold,
     GroupKey,
     changed_pairs,
-    deal_runs,
+    folds_of_runs,
     group_key,
     missing_channels,
     repeated_motions,
@@ -72,7 +72,7 @@ class Reduction:
         settled: whether they were looked for under the bare model.
         late_torque: whether the torque of a motor alone was found to be logged later than its position.
         torque_noise: how much is noise of what no law of the state tells of a motor's torque.
-        held: values that somebody holds unknowns of every model at, by key, SI.
+        fixed: values that somebody holds unknowns of every model at, by key, SI.
         repairs: samples that were put right, by number of the run, how and channel; samples: that it has.
     """
 
@@ -96,7 +96,7 @@ class Reduction:
         self.settled = False
         self.late_torque = False
         self.torque_noise: TorqueNoise = ALL_NOISE
-        self.held: Mapping[str, float] = {}
+        self.fixed: Mapping[str, float] = {}
         self.repairs: dict[int, Mapping[Repair, int]] = {}
         self.samples: dict[int, float] = {}
         self._forget()
@@ -115,9 +115,9 @@ class Reduction:
     def _pairs(self) -> list[tuple[Session, Run]]:
         return runs_to_analyse(self.sessions)[0]
 
-    def restart(self, held: Mapping[str, float] | None = None) -> None:
+    def restart(self, fixed: Mapping[str, float] | None = None) -> None:
         """Begin a call that asks for nothing that another left: no constants but those of the bare model."""
-        self.held, self.constants = dict(held or {}), self._settled_constants
+        self.fixed, self.constants = dict(fixed or {}), self._settled_constants
         self.torque_noise = ALL_NOISE
 
     def settle(self, constants: RunConstants | None) -> None:
@@ -127,12 +127,12 @@ class Reduction:
 
     def resume(
         self,
-        held: Mapping[str, float],
+        fixed: Mapping[str, float],
         constants: RunConstants | None,
         torque_noise: TorqueNoise | None = None,
     ) -> None:
-        """Go on from an answer: what it held, the constants of its runs, and what was noise."""
-        self.held, self.constants, self.torque_noise = held, constants, torque_noise or ALL_NOISE
+        """Go on from an answer: what it had fixed, the constants of its runs, and what was noise."""
+        self.fixed, self.constants, self.torque_noise = fixed, constants, torque_noise or ALL_NOISE
 
     def _forget(self) -> None:
         self._cache = SegmentCache(self._executor)
@@ -258,7 +258,7 @@ class Reduction:
         # Missing noise is filled in by whoever asks.
         groups = [replace(g) for g in known.groups]
         layout = replace(known.layout, late_torque=self.late_torque)
-        known = replace(known, constants=self.constants, held=self.held, torque_noise=self.torque_noise)
+        known = replace(known, constants=self.constants, fixed=self.fixed, torque_noise=self.torque_noise)
         return replace(known, layout=layout, groups=groups)
 
     def shown(self, effects: Sequence[Effect], keep: Keep) -> None:
@@ -293,12 +293,12 @@ class Reduction:
         """What ``work`` finds in the sums over these effects alone, or found in them before.
 
         It may depend on the effects, the ``shapes`` that it begins at, the constants of the runs and what is
-        held, and on nothing else.
+        fixed, and on nothing else.
         """
         key = (
             tuple((*_key(e), e.widened) for e in effects),
             None if self.constants is None else self.constants.key,
-            tuple(sorted(self.held.items())),
+            tuple(sorted(self.fixed.items())),
             self.late_torque,
             self.torque_noise,
             tuple(shapes),
@@ -352,7 +352,7 @@ class Reduction:
             asked[on_bench] = replace(found, orders=self._orders, by_state=by_state)
             start += layout.signal_count
         whole = _joined(*layouts.values())
-        dealt, places = deal_runs(runs)
+        dealt, places = folds_of_runs(runs)
         motions = _shared(self.motions)
         groups: dict[GroupKey, Group] = {}
         seen: list[ChannelSigns] = []
@@ -376,11 +376,11 @@ class Reduction:
         radius = 1.0 if self._on_bench else pairs[0][0].rig.motor.pulley_radius or 1.0
         changed = tuple(self._changed_pairs(runs, effects, each, whole.signal_count))
         every = list(groups.values())
-        now = self.constants, self.held, changed, self.torque_noise
+        now = self.constants, self.fixed, changed, self.torque_noise
         return Reduced(whole, every, self._on_bench, radius, *now)
 
     def _changed_pairs(
-        self, runs: Sequence[Run], effects: Sequence[Effect], asked: Sequence[Asked], size: int
+        self, runs: Sequence[Run], effects: Sequence[Effect], asked: Sequence[ReadRequest], size: int
     ) -> Iterator[PairSums]:
         """The sums over every pair of runs before a known change and with it; these are read once more."""
         for numbers in changed_pairs(runs):

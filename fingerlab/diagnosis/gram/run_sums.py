@@ -20,7 +20,7 @@ from functools import lru_cache, partial
 import numpy as np
 from numpy.polynomial.legendre import legvander
 
-from fingerlab.diagnosis.equations.columns import Asked, of_the_user
+from fingerlab.diagnosis.equations.columns import ReadRequest, of_the_user
 from fingerlab.diagnosis.gram.decimation import (
     CachedSegment,
     Decimated,
@@ -32,7 +32,7 @@ from fingerlab.diagnosis.gram.decimation import (
 )
 from fingerlab.diagnosis.gram.state_law import signal_products, torque_products
 from fingerlab.diagnosis.gram.sums import Cycle, PairSums, Part, RunSums, Sums, finer_of
-from fingerlab.diagnosis.settings import NARROW_RATE_HZ, TASKS_AHEAD, TREND_DEGREE
+from fingerlab.diagnosis.settings import MOST_HARMONICS, NARROW_RATE_HZ, TASKS_AHEAD, TREND_DEGREE
 from fingerlab.diagnosis.signals.channel_checks import facts_of
 from fingerlab.diagnosis.signals.conditions import GroupKey
 from fingerlab.diagnosis.signals.filters import noise_of_derivatives
@@ -55,7 +55,7 @@ def repeating_bases(low: Decimated, run: Run, seek: bool = False) -> tuple[Array
     if frequency is None:
         return None
     count = int(np.ceil(0.5 * NARROW_RATE_HZ / frequency)) - 1
-    if 2 * count + 1 > 0.6 * len(low.time):
+    if 2 * count + 1 > MOST_HARMONICS * len(low.time):
         return None
     return _harmonics(frequency, count, float(low.time[0]), float(low.time[-1]), len(low.time))
 
@@ -137,7 +137,7 @@ def run_sums(
     session: Session,
     run: Run,
     effects: Sequence[Effect],
-    asked: Asked,
+    asked: ReadRequest,
     keep: Keep | None,
     cache: SegmentCache,
 ) -> RunSums:
@@ -179,7 +179,12 @@ def run_sums(
 
 
 def _decimated(
-    number: int, session: Session, run: Run, effects: Sequence[Effect], asked: Asked, cache: SegmentCache
+    number: int,
+    session: Session,
+    run: Run,
+    effects: Sequence[Effect],
+    asked: ReadRequest,
+    cache: SegmentCache,
 ) -> Iterator[Decimated]:
     """All signals of a run's segments, read or from the cache; a first reading is kept."""
     if number in cache:
@@ -200,8 +205,8 @@ def _decimated(
 def _products(low: Decimated, live: Array) -> tuple[Sums, Array]:
     """Sums over one stretch, of products of its live signals, (live, n), and of these, (3, live)."""
     taut = int(low.taut.sum())
-    held = low.taut & low.rest
-    loose, still = live[:, ~low.taut], live[:, held]
+    resting = low.taut & low.rest
+    loose, still = live[:, ~low.taut], live[:, resting]
     sums = Sums(
         live @ live.T,
         loose @ loose.T if loose.shape[1] else None,
@@ -209,7 +214,7 @@ def _products(low: Decimated, live: Array) -> tuple[Sums, Array]:
         len(low.taut) - taut,
         still @ still.T if still.shape[1] else None,
         still.shape[1],
-        int(np.count_nonzero(np.diff(held, prepend=False) & held)),
+        int(np.count_nonzero(np.diff(resting, prepend=False) & resting)),
     )
     return sums, np.stack([signals.sum(axis=1) for signals in (live, loose, still)])
 
@@ -222,7 +227,7 @@ def sums_in_turn(
     pairs: Sequence[tuple[Session, Run]],
     effects: Sequence[Effect],
     size: int,
-    asked: Sequence[Asked],
+    asked: Sequence[ReadRequest],
     cache: SegmentCache,
     keep: Keep | None,
 ) -> Iterator[RunSums]:
@@ -280,7 +285,7 @@ def _in_threads(
     pairs: Sequence[tuple[Session, Run]],
     effects: Sequence[Effect],
     size: int,
-    asked: Sequence[Asked],
+    asked: Sequence[ReadRequest],
     cache: SegmentCache,
     keep: Keep | None,
 ) -> Iterator[RunSums]:
@@ -335,7 +340,7 @@ _cached = SegmentCache(number=-1)
 
 
 def _elsewhere(
-    number: int, session: Session, run: Run, grids: Sequence[Grid], asked: Asked, analysis: int
+    number: int, session: Session, run: Run, grids: Sequence[Grid], asked: ReadRequest, analysis: int
 ) -> RunSums:
     """What the second process does."""
     global _cached

@@ -1,10 +1,4 @@
-"""Products of signals by groups of runs, with the constants that each run has of its own.
-
-A sensor that was clamped anew, or an amplifier that drifts, adds a constant to a channel for a whole run.
-What that adds to the equations is nearly a constant, too: an angle acts through its spring and its moment
-arm, a torque through the pulley, a motor's zero through the cable alone. They are random effects with one
-spread for each kind of channel, the same in every model, and a fit never sees them: they are integrated out
-of the products that it is shown. Products of a feature with a constant are sums of the feature over a run.
+"""Products of signals by groups of runs.
 
 A signal may stand in several equations (the tension in all three), so that far fewer signals than features
 need to be filtered and multiplied. What an equation sees of them depends on the cable: the cable equation
@@ -17,225 +11,32 @@ from collections import Counter
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
-from fingerlab.diagnosis.equations.coefficients import CABLE_NAMES
-from fingerlab.diagnosis.equations.features import IntArray, Layout, Pick
-from fingerlab.diagnosis.equations.model import Model
+from fingerlab.diagnosis.equations.features import FeatureSet, Layout
+from fingerlab.diagnosis.gram.run_constants import EquationWeights, RunConstants, RunTotals
 from fingerlab.diagnosis.signals.channel_checks import ChannelRatios
 from fingerlab.diagnosis.signals.conditions import Fold, GroupKey
-from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
 from fingerlab.diagnosis.signals.segments import ChannelSigns
-from fingerlab.effects.base import Row
-from fingerlab.rig.file import Rig
-from fingerlab.sessions.model import Array
+from fingerlab.sessions.model import Array, IntArray
 
 FloorFrom = Literal["cycles", "runs", "state law"]
 """Repeated cycles, these and repeated commands, or what a law of the measured state leaves."""
-
-SOURCES = ("mcp_angle", "pip_angle", "motor_torque", "motor_position")
-"""Channels whose zero may be another one in every run; rad, rad, N m, rad."""
-KINDS = ((0, 1), (2,), (3,))
-"""Sources that scatter alike: whoever clamps one joint's sensor anew does so with the other."""
-
-
-@dataclass(frozen=True)
-class RunTotals:
-    """Sums of signals, not of products, over one run: their products with a constant of the run's own.
-
-    ``number`` is the run's among those that are analysed. ``values`` (3, signals) count all samples, those
-    where the cable may be slack, and those where the motor stands and the cable is taut; ``counts`` (3,) are
-    the numbers of these samples.
-    """
-
-    number: int
-    values: Array
-    counts: Array
-
-
-@dataclass(frozen=True)
-class EquationWeights:
-    """Inverse covariance of the equations' residuals, (5, 5) over ``Row``, and what comes on top of it.
-
-    Attributes:
-        everywhere: at every moment. at_rest: on top where the motor stands; None: nothing does.
-        where_slack: on top where the cable is slack; takes all weight from its equation.
-    """
-
-    everywhere: Array
-    where_slack: Array
-    at_rest: Array | None = None
-
-    @classmethod
-    def of(cls, weights: Array, at_rest: Array | None = None) -> EquationWeights:
-        """Those of equations of which the cable's says nothing while the cable is slack.
-
-        What it tells elsewhere of the noise that all share, the tension's above all, is not known at such
-        moments: there the others weigh as they do without it, by the Schur complement.
-        """
-        own = weights[Row.CABLE, Row.CABLE]
-        if own <= 0.0:  # of a motor alone
-            return cls(weights, np.zeros_like(weights), at_rest)
-        return cls(weights, -np.outer(weights[:, Row.CABLE], weights[Row.CABLE]) / own, at_rest)
-
-    def on_average(self, slack: float) -> Array:
-        """Of products over samples of which this share is slack, (5, 5); the cable's are of the others."""
-        less = self.where_slack.copy()
-        less[Row.CABLE], less[:, Row.CABLE] = 0.0, 0.0
-        return np.asarray(self.everywhere + slack * less)
-
-    @classmethod
-    def alike(cls) -> EquationWeights:
-        """Of products of residuals as they are; of a slack cable's there are none."""
-        ones = np.ones((len(Row), len(Row))) / EFFECTIVE_SHARE
-        cable = np.arange(len(Row)) == Row.CABLE
-        return cls(ones, -ones * np.logical_or.outer(cable, cable))
-
-
-@dataclass(frozen=True)
-class RunConstants:
-    """How far the zeros scatter from run to run, and what one unit of each adds to the equations.
-
-    Attributes:
-        spreads: one standard deviation of each source, (4,); zero: it does not move.
-        shares: residual of the equations for each unit of each source, (5, 4) over ``Row``, by group.
-        by_averages: found, for want of repeated runs, by what a model misses on the averages of runs.
-    """
-
-    spreads: Array
-    shares: Mapping[GroupKey, Array]
-    by_averages: bool = False
-
-    @cached_property
-    def key(self) -> tuple[bytes, ...]:
-        """What tells them from others."""
-        return self.spreads.tobytes(), *(share.tobytes() for _, share in sorted(self.shares.items()))
-
-    def scaled(self, key: GroupKey) -> Array:
-        """What one standard deviation of each source adds to the equations of a group, (5, 4)."""
-        return np.asarray(self.shares[key] * self.spreads)
-
-    def pull(self, key: GroupKey, totals: Sequence[RunTotals], pick: Pick, weights: EquationWeights) -> Array:
-        """Weighted products of features with one standard deviation of each source, (runs, k, 4)."""
-        return np.asarray(with_constants(totals, pick, weights) @ self.scaled(key))
-
-    def posterior_covariance(
-        self, key: GroupKey, totals: Sequence[RunTotals], weights: EquationWeights
-    ) -> Array:
-        """Posterior covariance of the sources in units of their standard deviations, (runs, 4, 4)."""
-        share = self.scaled(key)
-        information = share.T @ of_constants(totals, weights) @ share
-        return np.asarray(np.linalg.inv(np.eye(len(SOURCES)) + information))
-
-
-@dataclass(frozen=True)
-class Offsets:
-    """What the constants of some runs are thought to be.
-
-    Attributes:
-        numbers: of the runs.
-        sources: by how much each channel reads too high, (runs, 4); SI. spreads: one standard deviation.
-        rows: what that adds to the equations' residuals, (runs, 5).
-    """
-
-    numbers: tuple[int, ...]
-    sources: Array
-    spreads: Array
-    rows: Array
-
-    def taken_off(
-        self, products: Array, model: Model, coefficients: Array, totals: Sequence[RunTotals]
-    ) -> Array:
-        """Sums of residual products, (5, 5), over these runs, with the constants taken off the residuals.
-
-        Args:
-            coefficients: of the model's active features, (k,).
-        """
-        alike = EquationWeights.alike()
-        spread = np.zeros((len(Row), len(coefficients)))
-        spread[model.rows, np.arange(len(coefficients))] = coefficients
-        cross = (spread @ with_constants(totals, model.pick, alike)) * self.rows[:, None, :]
-        square = of_constants(totals, alike) * self.rows[:, :, None] * self.rows[:, None, :]
-        return np.asarray(products + (square - cross - cross.transpose(0, 2, 1)).sum(axis=0))
-
-
-def schur_complement(left: Array, posterior_covariance: Array, right: Array) -> Array:
-    """What the constants of all runs take up of weighted products of features, (k, n).
-
-    Args:
-        left, right: of the features with the sources, (runs, k, 4) and (runs, n, 4).
-    """
-    runs, size, sources = left.shape
-    flat = (left @ posterior_covariance).transpose(1, 0, 2).reshape(size, runs * sources)
-    return np.asarray(flat @ right.transpose(1, 0, 2).reshape(right.shape[1], runs * sources).T)
-
-
-def taken_up_by_folds(posterior_covariance: Array, pull: Array, folds: Sequence[Any]) -> Array:
-    """The same of a group's features among each other, by the runs of each of its folds, (folds, k, k).
-
-    Args:
-        folds: index of every fold's runs, fold after fold.
-    """
-    if all(len(runs) == 1 for runs in folds):
-        return np.asarray(pull @ posterior_covariance @ pull.transpose(0, 2, 1))
-    return np.stack([schur_complement(pull[runs], posterior_covariance[runs], pull[runs]) for runs in folds])
-
-
-def with_constants(totals: Sequence[RunTotals], pick: Pick, weights: EquationWeights) -> Array:
-    """Weighted products of features with a constant in every equation, (runs, k, 5)."""
-    values = np.stack([t.values for t in totals])[:, :, pick.signals, None]
-    found = values[:, 0] * weights.everywhere[pick.rows] + values[:, 1] * weights.where_slack[pick.rows]
-    if weights.at_rest is not None:
-        found += values[:, 2] * weights.at_rest[pick.rows]
-    return np.asarray(EFFECTIVE_SHARE * found)
-
-
-def of_constants(totals: Sequence[RunTotals], weights: EquationWeights) -> Array:
-    """Weighted products of constants in the equations with each other, (runs, 5, 5)."""
-    counts = np.stack([t.counts for t in totals])[:, :, None, None]
-    found = counts[:, 0] * weights.everywhere + counts[:, 1] * weights.where_slack
-    if weights.at_rest is not None:
-        found += counts[:, 2] * weights.at_rest
-    return np.asarray(EFFECTIVE_SHARE * found)
-
-
-def share_of_equations(
-    cable_sign: int, in_finger: bool, radius: float, values: Mapping[str, float], rig: Rig
-) -> Array:
-    """What one unit of each source adds to the equations of a group's runs, (5, 4).
-
-    Args:
-        in_finger: whether it is no run of the motor alone. radius: of the pulley, m. values: hold the
-            moment arms, m, by key.
-    """
-    share = np.zeros((len(Row), len(SOURCES)))
-    if not in_finger or rig.finger is None:
-        share[Row.BENCH, 2] = 1.0
-        return share
-    cable = CABLE_NAMES[cable_sign]
-    springs = (rig.finger.mcp_stiffness, rig.finger.pip_stiffness)
-    for joint, row in enumerate((Row.MCP, Row.PIP)):
-        arm = cable_sign * values[f"{('arm_mcp', 'arm_pip')[joint]}@{cable}"]
-        share[row, joint], share[Row.CABLE, joint] = -springs[joint] / arm, -arm
-        share[row, 2] = 1.0 / radius
-    share[Row.CABLE, 2] = -values.get("cable_compliance", 0.0) / radius
-    share[Row.CABLE, 3] = radius
-    return share
 
 
 @dataclass
 class Sums:
     """Products of signals over some samples.
 
-    ``products`` (signals, signals) counts all samples, ``loose`` those where the cable may be slack (None:
+    ``products`` (signals, signals) counts all samples, ``slack`` those where the cable may be slack (None:
     there are none), ``rest`` those where the motor stands and the cable is taut: ``rest_samples`` of them, in
     so many ``standstills``.
     """
 
     products: Array
-    loose: Array | None = None
+    slack: Array | None = None
     taut_samples: int = 0
     slack_samples: int = 0
     rest: Array | None = None
@@ -251,10 +52,10 @@ class Sums:
     def add(self, other: Sums, live: IntArray | None = None) -> None:
         """Count the samples of ``other`` too; it may hold the products of the signals ``live`` alone."""
         add_among(self.products, other.products, live)
-        if other.loose is not None:
-            if self.loose is None:
-                self.loose = np.zeros_like(self.products)
-            add_among(self.loose, other.loose, live)
+        if other.slack is not None:
+            if self.slack is None:
+                self.slack = np.zeros_like(self.products)
+            add_among(self.slack, other.slack, live)
         if other.rest is not None:
             if self.rest is None:
                 self.rest = np.zeros_like(self.products)
@@ -266,7 +67,7 @@ class Sums:
         self.runs += other.runs
         self.totals += other.totals
 
-    def of(self, pick: Pick, noise: Array | None = None, taut_noise: Array | None = None) -> Array:
+    def of(self, pick: FeatureSet, noise: Array | None = None, taut_noise: Array | None = None) -> Array:
         """Products of features, (k, k), as the equations see them: none of the cable at slack moments.
 
         Args:
@@ -274,18 +75,18 @@ class Sums:
             taut_noise: the same at a taut moment; None: no other.
         """
         found = pick.among(self.products)
-        if self.loose is not None:
-            found -= pick.among(self.loose) * pick.in_cable
+        if self.slack is not None:
+            found -= pick.among(self.slack) * pick.in_cable
         if noise is not None:
             taut = noise if taut_noise is None else taut_noise
             found -= np.where(pick.in_cable, self.taut_samples * taut, self.samples * noise)
         return found
 
-    def slack(self, pick: Pick) -> Array | None:
+    def slack_cable(self, pick: FeatureSet) -> Array | None:
         """Products of the cable equation's features at slack moments, (k, k); None: there are none."""
-        return None if self.loose is None else pick.among(self.loose) * pick.both_cable
+        return None if self.slack is None else pick.among(self.slack) * pick.both_cable
 
-    def at_rest(self, pick: Pick, noise: Array | None = None) -> Array | None:
+    def at_rest(self, pick: FeatureSet, noise: Array | None = None) -> Array | None:
         """Products of features where the motor stands, (k, k), less noise; None: it never does."""
         if self.rest is None:
             return None
@@ -294,16 +95,16 @@ class Sums:
 
     def taut(self) -> Array:
         """Products where the cable is taut, (signals, signals)."""
-        return self.products if self.loose is None else self.products - self.loose
+        return self.products if self.slack is None else self.products - self.slack
 
     def without(self, noise: Array) -> Sums:
         """The sums less what noise adds to one sample, (signals, signals)."""
         added = self.samples * noise
-        loose = None if self.loose is None else self.loose - self.slack_samples * noise
+        slack = None if self.slack is None else self.slack - self.slack_samples * noise
         rest = None if self.rest is None else self.rest - self.rest_samples * noise
-        return replace(self, products=self.products - added, loose=loose, rest=rest)
+        return replace(self, products=self.products - added, slack=slack, rest=rest)
 
-    def across(self, left: Array, pick: Pick, weights: EquationWeights, other: Pick) -> Array:
+    def across(self, left: Array, pick: FeatureSet, weights: EquationWeights, other: FeatureSet) -> Array:
         """Weighted products of combinations of features with single ones, (m, n).
 
         Args:
@@ -313,18 +114,18 @@ class Sums:
         for row in np.unique(other.rows):
             here = other.rows == row
             found = (left * weights.everywhere[pick.rows, row]) @ self.products[pick.signals]
-            if self.loose is not None:
-                found += (left * weights.where_slack[pick.rows, row]) @ self.loose[pick.signals]
+            if self.slack is not None:
+                found += (left * weights.where_slack[pick.rows, row]) @ self.slack[pick.signals]
             if weights.at_rest is not None and self.rest is not None:
                 found += (left * weights.at_rest[pick.rows, row]) @ self.rest[pick.signals]
             result[:, here] = found[:, other.signals[here]]
         return result
 
-    def among(self, pick: Pick, weights: EquationWeights) -> Array:
+    def among(self, pick: FeatureSet, weights: EquationWeights) -> Array:
         """Weighted products of features with each other, (k, k), without what comes on top at rest."""
         found = pick.among(self.products) * feature_weights(weights.everywhere, pick.rows)
-        if self.loose is not None:
-            found += pick.among(self.loose) * feature_weights(weights.where_slack, pick.rows)
+        if self.slack is not None:
+            found += pick.among(self.slack) * feature_weights(weights.where_slack, pick.rows)
         return np.asarray(found)
 
 
@@ -482,9 +283,9 @@ class Group:
         """The conditions that its runs were recorded under."""
         return sorted({fold.condition for fold in self.dealt})
 
-    def of_turn(self, turn: int) -> list[int]:
-        """Indices of the folds that are left out in this turn; none where nothing else would be left."""
-        found = [k for k, fold in enumerate(self.dealt) if fold.turn == turn]
+    def of_split(self, split: int) -> list[int]:
+        """Indices of the folds that are left out in this split; none where nothing else would be left."""
+        found = [k for k, fold in enumerate(self.dealt) if fold.split == split]
         return found if len(found) < len(self.folds) else []
 
     def without(self, k: int) -> Group:
@@ -569,7 +370,7 @@ ALL_NOISE = TorqueNoise()
 class Reduced:
     """All that the diagnosis needs of the sessions; ``on_bench``: all runs are of the motor alone.
 
-    ``constants`` are those that every run has of its own; None: none was found. ``held``: values that
+    ``constants`` are those that every run has of its own; None: none was found. ``fixed``: values that
     somebody holds unknowns of every model at, by key, SI. ``pairs`` are of runs before a known change of the
     machine and with it. ``torque_noise``: how much is noise of what no law of the state tells of a motor's
     torque.
@@ -581,7 +382,7 @@ class Reduced:
     on_bench: bool
     radius: float  # of the pulley, m; 1 on a bench without one
     constants: RunConstants | None = None
-    held: Mapping[str, float] = field(default_factory=dict)
+    fixed: Mapping[str, float] = field(default_factory=dict)
     pairs: tuple[PairSums, ...] = ()
     torque_noise: TorqueNoise = ALL_NOISE
     late_is_no_noise: bool = False

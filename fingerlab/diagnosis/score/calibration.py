@@ -14,6 +14,7 @@ import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from enum import StrEnum
 from functools import cache
 from importlib.resources import files
 from typing import Any, Protocol
@@ -37,8 +38,14 @@ class HeldOutError(Protocol):
     def floor(self) -> float: ...
 
 
-NOTHING, UNKNOWN = "nothing_missing", "not_in_catalogue"
-"""The two answers that are no effect."""
+class Verdict(StrEnum):
+    """The three answers; the two that are no effect stand in a set beside the ids of effects."""
+
+    NOTHING_MISSING = "nothing_missing"
+    MISSING_EFFECT = "missing_effect"
+    NOT_IN_CATALOGUE = "not_in_catalogue"
+
+
 AN_EFFECT = "any effect"
 """The group of all effects, where one of them or its family has too few trials of its own."""
 
@@ -63,7 +70,7 @@ class Odds:
     @property
     def answers(self) -> tuple[str, ...]:
         """Everything that can be the truth: the effects, and the two answers that are none."""
-        return (*self.effects, NOTHING, UNKNOWN)
+        return (*self.effects, Verdict.NOTHING_MISSING, Verdict.NOT_IN_CATALOGUE)
 
 
 @dataclass(frozen=True)
@@ -86,7 +93,7 @@ class ProbabilityMap:
 
     Attributes:
         verdict: sharpness among "an effect is seen", "none is seen" and "something unknown".
-        quiet, strange: log odds added for "none is seen" and "something unknown".
+        nothing_offset, unknown_offset: log odds added for "none is seen" and "something unknown".
         uninformative_verdict: log odds that this verdict says nothing, where the floor is reached in the end
             or something unknown is seen; else by ``uninformative_verdict_slope`` more for each unit of the
             logarithm of what is left. ``base_rates`` of the three hold then.
@@ -97,8 +104,8 @@ class ProbabilityMap:
     """
 
     verdict: float = 1.0
-    quiet: float = 0.0
-    strange: float = 0.0
+    nothing_offset: float = 0.0
+    unknown_offset: float = 0.0
     uninformative_verdict: float = -5.0
     uninformative_verdict_slope: float = 0.0
     base_rates: tuple[float, ...] = (0.7, 0.2, 0.1)
@@ -130,7 +137,7 @@ class ProbabilityMap:
         quiet = float(np.logaddexp.reduce(hidden, initial=nothing))
         unknown = float(_logs(np.array([odds.unknown]))[0])
         groups = self.verdict / widening * np.array([seen, quiet, unknown])
-        groups += np.array([0.0, self.quiet, self.strange])
+        groups += np.array([0.0, self.nothing_offset, self.unknown_offset])
         shares = (1.0 - uninformative_verdict) * _softmax(groups)
         shares += uninformative_verdict * np.array(self.base_rates) / sum(self.base_rates)
         if not len(found):
@@ -190,7 +197,7 @@ class CalibrationTable:
         features: of a session, by name.
         typicality_quantiles: the largest distance of a feature from its middle, in spreads, which shares of
             the trials lie beyond: so many values, evenly from all to none.
-        kinds: share of the trials by the phases of their runs.
+        phase_shares: share of the trials by the phases of their runs.
         error: expected calibration error. coverage: of the sets; both on the trials that judged it.
     """
 
@@ -202,7 +209,7 @@ class CalibrationTable:
     thresholds: Mapping[str, float]
     features: Mapping[str, SessionFeature]
     typicality_quantiles: tuple[float, ...]
-    kinds: Mapping[str, float]
+    phase_shares: Mapping[str, float]
     error: float
     coverage: float
 
@@ -239,8 +246,8 @@ class CalibrationTable:
         share = float(np.interp(max(far.values(), default=0.0), self.typicality_quantiles, beyond))
         limit = float(np.interp(1.0 - UNUSUAL, 1.0 - beyond, self.typicality_quantiles))
         words = [_unusual(self.features[name], features[name]) for name, by in far.items() if by > limit]
-        same = self.kinds.get(kind, 0.0)
-        if self.kinds and same < UNUSUAL:
+        same = self.phase_shares.get(kind, 0.0)
+        if self.phase_shares and same < UNUSUAL:
             share = min(share, same)
             phases = kind.replace("_", " ") or "no"
             words.insert(0, f"runs {phases} alone")

@@ -9,11 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal
 
 import numpy as np
 
-from fingerlab.diagnosis.score.calibration import Odds
+from fingerlab.diagnosis.score.calibration import Odds, Verdict
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.score.selection import (
     acts_along_load_axis,
@@ -42,6 +41,7 @@ from fingerlab.diagnosis.settings import (
     PRIOR_UNKNOWN,
     SET_LOG_ODDS,
     SET_PROBABILITY,
+    STRENGTH_POINTS,
     STRONGEST,
     TIE_LOG_ODDS,
     UNEXPLAINED,
@@ -52,8 +52,6 @@ from fingerlab.diagnosis.settings import (
     WEAKEST,
 )
 from fingerlab.sessions.model import Array
-
-Verdict = Literal["nothing_missing", "missing_effect", "not_in_catalogue"]
 
 
 @dataclass(frozen=True)
@@ -112,8 +110,8 @@ class Evidence:
         """The likeliest of the three answers."""
         found = float(np.sum(self.probabilities))
         if self.nothing >= max(found, self.unknown):
-            return "nothing_missing"
-        return "missing_effect" if found >= self.unknown else "not_in_catalogue"
+            return Verdict.NOTHING_MISSING
+        return Verdict.MISSING_EFFECT if found >= self.unknown else Verdict.NOT_IN_CATALOGUE
 
 
 def judge(base: FittedModel, candidates: Sequence[FittedModel]) -> Evidence:
@@ -295,7 +293,7 @@ def with_lack_of_fit(evidence: Evidence, last: FittedModel) -> Evidence:
     """
     # What is told is the score, which counts every sample; in the misfit long conditions count for less.
     lacking = lacks_fit(evidence.base) or evidence.base.score**2 - 1.0 > LACK_OF_FIT
-    if evidence.verdict == "nothing_missing" and lacking:
+    if evidence.verdict == Verdict.NOTHING_MISSING and lacking:
         nothing = DOUBTED * evidence.nothing
         return replace(evidence, nothing=nothing, unknown=evidence.unknown + evidence.nothing - nothing)
     # Each effect more takes its part of whatever is missing, so that less may be left by many.
@@ -304,7 +302,7 @@ def with_lack_of_fit(evidence: Evidence, last: FittedModel) -> Evidence:
     far = (lacks_fit(last, UNEXPLAINED) and share > UNEXPLAINED_SHARE / steps) or (
         lacks_fit(last, HALF_UNEXPLAINED) and share > HALF
     )
-    if evidence.verdict == "missing_effect" and far:
+    if evidence.verdict == Verdict.MISSING_EFFECT and far:
         taken = (1.0 - DOUBTED) * float(evidence.probabilities.sum())
         return replace(
             evidence, probabilities=DOUBTED * evidence.probabilities, unknown=evidence.unknown + taken
@@ -409,7 +407,7 @@ def bayes_factor(fitted: FittedModel, fall: float, needed: float) -> float:
         return 1.0
     width = 2.0 * DECIDING_LOG_ODDS / least**2
     seen = least * np.sqrt(max(fall, 0.0) / needed)
-    strengths = np.exp(np.linspace(np.log(WEAKEST), np.log(STRONGEST), 33))
+    strengths = np.exp(np.linspace(np.log(WEAKEST), np.log(STRONGEST), STRENGTH_POINTS))
     log_likely = -0.5 * width * strengths * (strengths - 2.0 * seen)
     return float(np.exp(np.minimum(log_likely, np.log(MOST_ODDS))).mean())
 

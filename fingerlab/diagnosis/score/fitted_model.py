@@ -17,10 +17,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fingerlab.diagnosis.equations.features import BoolArray
 from fingerlab.diagnosis.equations.model import Choice, Model
 from fingerlab.diagnosis.fit.bounded_step import bounded_step
-from fingerlab.diagnosis.fit.data import Weights, own_to_a_run, temperature_of
+from fingerlab.diagnosis.fit.data import Weights, random_effect_columns, temperature_of
 from fingerlab.diagnosis.fit.noise import noise_of_a_sample
 from fingerlab.diagnosis.fit.solver import Fit, Fitter
 from fingerlab.diagnosis.gram.sums import Group, PairSums, feature_weights
@@ -29,7 +28,7 @@ from fingerlab.diagnosis.signals.conditions import GroupKey
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
 from fingerlab.diagnosis.signals.scales import powers_of
 from fingerlab.effects.base import Effect
-from fingerlab.sessions.model import Array
+from fingerlab.sessions.model import Array, BoolArray
 
 
 @dataclass(frozen=True)
@@ -304,7 +303,7 @@ def paired_misfit(fitted: FittedModel, pair: PairSums, group: Group) -> tuple[fl
         @ (pair.difference.of(pick, noise_of_a_sample(group, pick.square)) * weights)
         @ coefficients
     )
-    own = own_to_a_run(model, values, coefficients, group)
+    own = random_effect_columns(model, values, coefficients, group)
     if own.shape[1]:
         across, mean = (pick.among(products) * weights for products in (pair.across, pair.mean))
         pull = coefficients @ across @ own

@@ -40,7 +40,7 @@ def weights_at_floor(reduction: Reduction, fitted: FittedModel) -> Weights:
     """
     effects = at_found_shapes(fitted)
     reduced = reduction.by_state(effects)
-    scorer = Scorer(replace(reduced, constants=reduction.constants, held=reduction.held))
+    scorer = Scorer(replace(reduced, constants=reduction.constants, fixed=reduction.fixed))
     model = scorer.model([Choice(effect) for effect in effects], fitted.model.tip_law)
     values = np.array([fitted.values[u.key] for u in model.unknowns])
     found = {}
@@ -55,7 +55,7 @@ def scored_in_floors(
     scorer: Scorer, fitted: Sequence[FittedModel], weights: Weights
 ) -> tuple[Scorer, list[FittedModel]]:
     """Models, fitted and held out under the weights at the floor, and what scores them in its units."""
-    above = scorer.in_floors()
+    above = scorer.with_floor_weights()
     again = [above.fit(one.choices, one, FULL_ITERATIONS, weights) for one in fitted]
     return above, [above.score_held_out(one, residuals=True) for one in again]
 

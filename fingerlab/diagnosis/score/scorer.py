@@ -18,7 +18,7 @@ import numpy as np
 
 from fingerlab.diagnosis.equations.model import Choice, Model, build
 from fingerlab.diagnosis.equations.parameters import TIP_LAWS, TORQUE_ZERO
-from fingerlab.diagnosis.fit.data import Data, FoldNumbers, Weighted, Weights, change, own_to_a_run
+from fingerlab.diagnosis.fit.data import Data, FoldNumbers, Weights, change, random_effect_columns
 from fingerlab.diagnosis.fit.noise import (
     add_encoder_noise,
     fill_missing_noise,
@@ -28,10 +28,12 @@ from fingerlab.diagnosis.fit.noise import (
     products_of_rows,
 )
 from fingerlab.diagnosis.fit.priors import prior_penalty, starting_arms
-from fingerlab.diagnosis.fit.solver import Fitter, LeftOut
-from fingerlab.diagnosis.gram.sums import EquationWeights, Offsets, Reduced, RunConstants
+from fingerlab.diagnosis.fit.random_effects import LeftOut, explained, own_share, predictive_correction
+from fingerlab.diagnosis.fit.solver import Fitter
+from fingerlab.diagnosis.gram.run_constants import EquationWeights, Offsets, RunConstants
+from fingerlab.diagnosis.gram.sums import Reduced
 from fingerlab.diagnosis.score.fitted_model import FittedModel, FoldErrors, paired_misfit, sensitivity
-from fingerlab.diagnosis.settings import FULL_ITERATIONS, MOST_ROUNDS, RUN_VARIATION_BOUND, SETTLED
+from fingerlab.diagnosis.settings import FULL_ITERATIONS, MOST_ROUNDS, SETTLED, USUAL_ITERATIONS
 from fingerlab.diagnosis.signals.conditions import GroupKey
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
 from fingerlab.effects.base import Row
@@ -90,7 +92,7 @@ class Scorer:
         other.__dict__.pop("bare", None)
         return other
 
-    def in_floors(self) -> Scorer:
+    def with_floor_weights(self) -> Scorer:
         """The same, with a misfit above what the weights stand for where nothing repeats, too."""
         other = self.fresh()
         other._above_weights = True
@@ -118,9 +120,9 @@ class Scorer:
         if key not in self._models:
             layout = self.reduced.layout
             model = build(layout, self.reduced.groups, choices, law)
-            self._models[key] = model.holding(
-                {u.key: self.reduced.held[u.key] / layout.scales.of(u.parameter.unit)
-                 for u in model.unknowns if u.key in self.reduced.held}
+            self._models[key] = model.fixing(
+                {u.key: self.reduced.fixed[u.key] / layout.scales.of(u.parameter.unit)
+                 for u in model.unknowns if u.key in self.reduced.fixed}
             )  # fmt: skip
         return self._models[key]
 
@@ -139,7 +141,7 @@ class Scorer:
         self,
         choices: Sequence[Choice],
         like: FittedModel | None = None,
-        iterations: int = 10,
+        iterations: int = USUAL_ITERATIONS,
         weights: Weights | None = None,
     ) -> FittedModel:
         """Fit nominal model, nuisances and ``choices`` to all runs.
@@ -158,9 +160,14 @@ class Scorer:
         like: FittedModel | None,
         iterations: int,
         weights: Weights | None = None,
+        law: str = "",
     ) -> FittedModel:
-        """As :meth:`fit` with the law of the tip that ``like`` has."""
-        return self._fit(choices, "slides" if like is None else like.model.tip_law, like, iterations, weights)
+        """As :meth:`fit` with a law of the tip; empty: that of ``like``."""
+        if weights is None:
+            weights = self.first_weights if like is None else like.weights
+        model = self.model(choices, law or ("slides" if like is None else like.model.tip_law))
+        fit = Fitter(model, self.data, weights).run(self.start_values(model, like), iterations)
+        return FittedModel(model, fit, weights)
 
     def with_best_law(self, fitted: FittedModel, iterations: int) -> FittedModel:
         """The model, or the same under another law of the tip if that fits better.
@@ -171,22 +178,8 @@ class Scorer:
         if not any(g.in_contact for g in self.reduced.groups):
             return fitted
         laws = [law for law in TIP_LAWS if law != fitted.model.tip_law]
-        others = [self._fit(fitted.choices, law, fitted, iterations) for law in laws]
+        others = [self.fit_same_law(fitted.choices, fitted, iterations, law=law) for law in laws]
         return min([fitted, *others], key=lambda one: (one.fit.cost < -self.data.count, one.fit.cost))
-
-    def _fit(
-        self,
-        choices: Sequence[Choice],
-        law: str,
-        like: FittedModel | None,
-        iterations: int,
-        weights: Weights | None = None,
-    ) -> FittedModel:
-        if weights is None:
-            weights = self.first_weights if like is None else like.weights
-        model = self.model(choices, law)
-        fit = Fitter(model, self.data, weights).run(self.start_values(model, like), iterations)
-        return FittedModel(model, fit, weights)
 
     def own_weights(self, fitted: FittedModel) -> Weights:
         """Inverse of the noise covariance that the model's own features leave between cycles."""
@@ -206,7 +199,7 @@ class Scorer:
         settled = self._settled(self.fit(choices, like, weights=weights))
         if settled.model.tip_law == "slides" or not any(g.in_contact for g in self.reduced.groups):
             return settled
-        sliding = self._settled(self._fit(choices, "slides", settled, FULL_ITERATIONS), "slides")
+        sliding = self._settled(self.fit_same_law(choices, settled, FULL_ITERATIONS, law="slides"), "slides")
         return min(settled, sliding, key=self.deviance)
 
     def _settled(self, fitted: FittedModel, law: str | None = None) -> FittedModel:
@@ -216,7 +209,7 @@ class Scorer:
             if law is None:
                 fitted = self.fit(fitted.choices, fitted, weights=weights)
             else:
-                fitted = self._fit(fitted.choices, law, fitted, FULL_ITERATIONS, weights)
+                fitted = self.fit_same_law(fitted.choices, fitted, FULL_ITERATIONS, weights, law)
             if change(before, fitted.weights) < SETTLED:
                 break
         return fitted
@@ -258,7 +251,7 @@ class Scorer:
     def score_held_out(self, fitted: FittedModel, residuals: bool = False) -> FittedModel:
         """The model with every run scored by a fit that has not seen it.
 
-        The folds of one turn are left out together. A group with one run only is scored in sample. With
+        The folds of one split are left out together. A group with one run only is scored in sample. With
         ``residuals`` the equations' own residuals are kept too, and what is left fold by fold.
         """
         groups = self.reduced.groups
@@ -266,14 +259,14 @@ class Scorer:
         products = {g.key: np.zeros((5, 5)) for g in groups}
         by_fold = {g.key: FoldErrors(np.zeros(len(g.dealt)), np.zeros((len(g.dealt), 5, 5))) for g in groups}
         fitter = self._fitter(fitted)
-        for turn in sorted({fold.turn for g in groups for fold in g.dealt}):
-            left = fitter.without(fitted.fit.values, turn)
+        for split in sorted({fold.split for g in groups for fold in g.dealt}):
+            left = fitter.without(fitted.fit.values, split)
             coefficients = fitter.coefficients(left.values)
             for i, group in enumerate(groups):
-                unseen = group.of_turn(turn)
+                unseen = group.of_split(split)
                 for k, fold in enumerate(group.dealt):
-                    if fold.turn == turn:
-                        one = self._square(
+                    if fold.split == split:
+                        one = self._fold_chi_square(
                             fitter, left.values, coefficients, i, k, left if k in unseen else None
                         )
                         scored.setdefault((i, fold.condition), []).append(one)
@@ -351,7 +344,7 @@ class Scorer:
         key = (*_model_key(fitted.model.tip_law, fitted.choices), fitted.fit.values.tobytes())
         if key not in self._fitters:
             fitter = Fitter(fitted.model, self.data, fitted.weights)
-            fitter.hold(fitted.fit.values)
+            fitter.set_friction_weights(fitted.fit.values)
             self._fitters[key] = fitter
         return self._fitters[key]
 
@@ -364,7 +357,9 @@ class Scorer:
         values = fitted.fit.values
         coefficients = fitter.coefficients(values)
         return [
-            np.array([self._square(fitter, values, coefficients, i, k) for k in range(len(group.dealt))])
+            np.array(
+                [self._fold_chi_square(fitter, values, coefficients, i, k) for k in range(len(group.dealt))]
+            )
             for i, group in enumerate(self.reduced.groups)
         ]
 
@@ -378,7 +373,7 @@ class Scorer:
             ]
         )
 
-    def _square(
+    def _fold_chi_square(
         self,
         fitter: Fitter,
         values: Array,
@@ -395,12 +390,12 @@ class Scorer:
         """
         group, sums = self.reduced.groups[i], fitter.part(i, (k,))
         h, jacobian = coefficients[0][i], coefficients[1][i]
-        own = own_to_a_run(fitter.model, values, h, group, group.dealt[k].condition)
+        own = random_effect_columns(fitter.model, values, h, group, group.dealt[k].condition)
         square = float(h @ sums.matrix @ h)
         if left is None:
             square -= explained(own, h, sums)
         else:
-            square -= allowance(own, h, sums, jacobian, left)
+            square -= predictive_correction(own, h, sums, jacobian, left)
         samples = EFFECTIVE_SHARE * group.folds[k].samples
         if self._above_weights and not group.repeats:
             square -= samples * np.count_nonzero(np.diag(fitter.weights[group.key]))
@@ -433,7 +428,9 @@ class Scorer:
                 h = coefficients[i]
                 if own:
                     h = h + own_share(
-                        own_to_a_run(fitter.model, values, h, group, fold.condition), h, fitter.part(i, (k,))
+                        random_effect_columns(fitter.model, values, h, group, fold.condition),
+                        h,
+                        fitter.part(i, (k,)),
                     )
                 products += self._products(fitter, values, i, k, h)
             found[group.key] = products / max(group.samples, 1)
@@ -449,7 +446,7 @@ class Scorer:
         """
         group, model = self.reduced.groups[i], fitter.model
         fold = group.folds[k]
-        products, slack = fold.of(model.pick), fold.slack(model.pick)
+        products, slack = fold.of(model.pick), fold.slack_cable(model.pick)
         if slack is not None and not model.slack_free:
             products = products + slack
         if coefficients is None:
@@ -466,61 +463,3 @@ class Scorer:
 def _model_key(law: str, choices: Sequence[Choice]) -> tuple[object, ...]:
     """What tells models on the same sessions apart."""
     return (law, *((c.effect.id, c.shape, c.effect.widened) for c in choices))
-
-
-def explained(own: Array, h: Array, sums: Weighted) -> float:
-    """What of a misfit the run's own share of the features explains, less what that costs: as a Gaussian.
-
-    Args:
-        own: what one standard deviation of each part adds to the features, (k, parts).
-        h: the features' coefficients, (k,). sums: weighted products of the features over the run.
-    """
-    if not own.shape[1]:
-        return 0.0
-    pull = own.T @ sums.matrix @ h
-    stiffness = own.T @ sums.curvature @ own + np.eye(own.shape[1])
-    return _gained(stiffness, pull, 0)
-
-
-def own_share(own: Array, h: Array, sums: Weighted) -> Array:
-    """What a run's own share of the features would have to be for its misfit to be least, (k,)."""
-    if not own.shape[1]:
-        return np.zeros(len(h))
-    stiffness = own.T @ sums.curvature @ own + np.eye(own.shape[1])
-    found = np.linalg.solve(stiffness, own.T @ sums.matrix @ h)
-    return np.asarray(-own @ np.clip(found, -RUN_VARIATION_BOUND, RUN_VARIATION_BOUND))
-
-
-def allowance(own: Array, h: Array, sums: Weighted, jacobian: Array, left: LeftOut) -> float:
-    """The same for a run that was left out, with what the constants may be otherwise, in twice log density.
-
-    Args:
-        jacobian: derivatives of the coefficients, (k, p). left: what the other runs tell.
-    """
-    free = np.flatnonzero(left.free)
-    size = len(free)
-    basis = np.concatenate((jacobian[:, free], own), axis=1)
-    stiffness = np.eye(basis.shape[1])
-    stiffness[:size, :size] = left.information[np.ix_(free, free)]
-    scale = 1.0 / np.sqrt(np.diag(stiffness))  # the unknowns have units of their own
-    basis = basis * scale
-    stiffness = stiffness * np.outer(scale, scale)
-    after = stiffness + basis.T @ sums.curvature @ basis
-    pull = basis.T @ sums.matrix @ h
-    found = float(np.linalg.slogdet(after[:size, :size])[1] - np.linalg.slogdet(stiffness[:size, :size])[1])
-    return _gained(after, pull, size) - found
-
-
-def _gained(stiffness: Array, pull: Array, size: int) -> float:
-    """By how much a misfit falls at its lowest; what stands behind ``size`` is what a run has of its own.
-
-    That is told in standard deviations and goes no further than so many: a friction that differs more from
-    run to run follows something that the model lacks.
-    """
-    found = np.linalg.solve(stiffness, pull)
-    own = np.clip(found[size:], -RUN_VARIATION_BOUND, RUN_VARIATION_BOUND)
-    if np.array_equal(own, found[size:]):
-        return float(pull @ found)
-    rest = pull[:size] - stiffness[:size, size:] @ own
-    found = np.concatenate((np.linalg.solve(stiffness[:size, :size], rest), own))
-    return float(2.0 * pull @ found - found @ stiffness @ found)

@@ -15,7 +15,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fingerlab.diagnosis.equations.features import BoolArray
 from fingerlab.diagnosis.score.fitted_model import FittedModel, paired_log_odds
 from fingerlab.diagnosis.settings import (
     CONTACT_PENALTY,
@@ -39,7 +38,7 @@ from fingerlab.diagnosis.settings import (
     USUAL_POINTS,
 )
 from fingerlab.effects.base import Row
-from fingerlab.sessions.model import Array
+from fingerlab.sessions.model import Array, BoolArray
 
 
 def justified(base: FittedModel, fitted: FittedModel, level: float = 0.0, reach: float = 0.0) -> bool:
@@ -82,7 +81,7 @@ def least_explained(base: FittedModel, misfit: float, count: float, in_contact: 
     return max((NEXT_SHARE if mends else LEAST_SHARE) * misfit, least * count)
 
 
-def freedom(fitted: FittedModel) -> int:
+def count_unknowns(fitted: FittedModel) -> int:
     """Unknowns that the model's last effect brings: gains, and one for a grid of shapes."""
     effect = fitted.last_effect
     gains = len(fitted.model.last_gains) - len(effect.offsets)  # what the losses could be explains no misfit
@@ -95,14 +94,14 @@ def cost_of_choice(fitted: FittedModel) -> float:
     By chance one of many points of a grid fits better than one of few, and many gains better than two.
     """
     points = len(fitted.last_effect.shapes)
-    beyond = max(freedom(fitted) - USUAL_FREEDOM, 0)
+    beyond = max(count_unknowns(fitted) - USUAL_FREEDOM, 0)
     return COST_OF_A_GAIN * beyond + math.log(max(points / USUAL_POINTS, 1.0))
 
 
 def complexity_penalty(base: FittedModel, fitted: FittedModel) -> float:
     """What is added to a model's misfit for the unknowns that its last effect brings."""
     fall = max(max(base.misfit, 0.0) - fitted.misfit, 0.0)
-    earned = OVERFIT_SHARE * freedom(fitted) * min(fall, OVERFIT_MOST * base.count)
+    earned = OVERFIT_SHARE * count_unknowns(fitted) * min(fall, OVERFIT_MOST * base.count)
     return earned + max(fitted.widening - base.widening, 0.0)
 
 
@@ -145,7 +144,7 @@ def log_odds_among(base: FittedModel, candidates: Sequence[FittedModel]) -> Arra
         [max(t.misfit + complexity_penalty(base, t), 0.0) / max(t.count, 1.0) for t in candidates]
     )
     log = log_odds_of_misfits(left)
-    log -= COST_OF_A_GAIN * np.array([freedom(t) for t in candidates])
+    log -= COST_OF_A_GAIN * np.array([count_unknowns(t) for t in candidates])
     log -= 0.5 * np.array([t.prior_penalty for t in candidates])
     log -= np.array([penalty_of_small_excess(t) for t in candidates])
     log[idle(base, candidates)] -= 2.0 * DECIDING_LOG_ODDS

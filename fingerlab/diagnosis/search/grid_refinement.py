@@ -36,6 +36,7 @@ from fingerlab.diagnosis.settings import (
     SAME_SHAPE,
     SET_LOG_ODDS,
     SHAPE_PASSES,
+    SHAPE_ROUNDS,
     STEP_GAIN,
     USUAL_LEFT,
 )
@@ -47,7 +48,9 @@ def fit_effects(scorer: Scorer, effects: Sequence[Effect]) -> FittedModel:
     fitted = scorer.bare
     for one in effects:
         choices = list(fitted.choices)
-        shapes = [scorer.fit([*choices, Choice(one, i)], fitted, 3) for i in range(len(one.shapes))]
+        shapes = [
+            scorer.fit([*choices, Choice(one, i)], fitted, LOOKING_ITERATIONS) for i in range(len(one.shapes))
+        ]
         fitted = climb_grid(scorer, min(shapes, key=lambda m: m.fit.cost))
         fitted = off_its_bounds(scorer, scorer.fit_reweighted(fitted.choices, fitted), FULL_ITERATIONS)
         if fitted.last_effect is not one:  # under a wider range
@@ -162,7 +165,7 @@ def _at_best_shapes(scorer: Scorer, fitted: FittedModel) -> FittedModel:
 
 def _best_shape(scorer: Scorer, fitted: FittedModel, k: int) -> FittedModel:
     """The model with its effect ``k`` at the shape that fits best, under the weights of that model."""
-    for _ in range(2):  # the weights that come with the best shape may prefer another one
+    for _ in range(SHAPE_ROUNDS):
         before = fitted.choices[k].shape
         found = min(_other_shapes(scorer, fitted, k), key=lambda m: m.fit.cost)
         fitted = scorer.fit_reweighted(found.choices, found)

@@ -23,7 +23,6 @@ from fingerlab.diagnosis.search.grid_refinement import fit_effects, refine_grid,
 from fingerlab.diagnosis.search.next_effect import ScoreTest, climb_grid
 from fingerlab.diagnosis.settings import (
     CANDIDATES_REFITTED,
-    EVERYDAY,
     FAR_SHARE,
     FULL_ITERATIONS,
     LEAST_SHARE_OF_MANY,
@@ -36,6 +35,7 @@ from fingerlab.diagnosis.settings import (
     TOO_CLOSE,
     USUAL_SHARE,
 )
+from fingerlab.effects import EVERYDAY
 from fingerlab.effects.base import Effect, Row
 from fingerlab.sessions.model import Array
 

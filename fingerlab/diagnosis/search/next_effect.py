@@ -20,7 +20,7 @@ from fingerlab.diagnosis.equations.model import Choice
 from fingerlab.diagnosis.fit.bounded_step import bounded_step
 from fingerlab.diagnosis.fit.data import Data, Weights
 from fingerlab.diagnosis.fit.solver import Fitter
-from fingerlab.diagnosis.gram.sums import EquationWeights, schur_complement
+from fingerlab.diagnosis.gram.run_constants import EquationWeights, schur_complement
 from fingerlab.diagnosis.score.evidence import Evidence, judge
 from fingerlab.diagnosis.score.fitted_model import FittedModel, at_assumed_bounds, at_bounds
 from fingerlab.diagnosis.score.scorer import Scorer
@@ -30,6 +30,7 @@ from fingerlab.diagnosis.settings import (
     CANDIDATES_REFITTED,
     FULL_ITERATIONS,
     HELD_OUT_TRIALS,
+    LEADERS,
     LEADING_SHARE,
     MOST_WIDENED,
     SAME_COST_SHARE,
@@ -58,7 +59,8 @@ class ScoreTest:
         model, values = base.model, base.fit.values
         self.layout = model.layout
         fitter = Fitter(model, data, base.weights)
-        fitter.hold(values, apart=False)  # as the sums of single features, which hold all of every run
+        # As the sums of single features, which hold all of every run.
+        fitter.set_friction_weights(values, apart=False)
         gradient, information = fitter.normal_equations(values)
         # Unknowns that stand at a bound and are pushed out of it stay where they are.
         held = ((values <= model.low) & (gradient > 0)) | ((values >= model.high) & (gradient < 0))
@@ -190,7 +192,7 @@ def off_its_bounds(scorer: Scorer, fitted: FittedModel, iterations: int = SCREEN
     return fitted
 
 
-def held_back(scorer: Scorer, evidence: Evidence) -> list[int]:
+def at_edges(scorer: Scorer, evidence: Evidence) -> list[int]:
     """Indices of candidates at the edge of what is allowed, which could be what is missing beyond it.
 
     With ten times the range, or more, each would be a step worth taking, and as likely as those that cannot
@@ -251,7 +253,7 @@ def judge_all(
     candidates = screen(scorer, base, effects, watch, least)
     leaders: set[str] = set()
     misshapen = lacks_fit(base)  # what the base's effects look like may come from what is still missing
-    for _ in range(3):
+    for _ in range(LEADERS):
         front = sorted((_at_its_best(scorer, c, misshapen) for c in candidates[:HELD_OUT_TRIALS]), key=_cost)
         candidates = front + candidates[HELD_OUT_TRIALS:]
         if not front or front[0].fit.cost >= base.fit.cost or _led(front, leaders):

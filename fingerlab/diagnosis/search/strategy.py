@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from fingerlab.core.progress import SILENT, Progress, Watch
 from fingerlab.diagnosis.fit.data import Weights
 from fingerlab.diagnosis.gram.reduction import Reduction
+from fingerlab.diagnosis.score.calibration import Verdict
 from fingerlab.diagnosis.score.evidence import (
     Evidence,
     at_least_as_unknown,
@@ -168,7 +169,7 @@ def search_effects(question: Question, scorer: Scorer) -> Found:
         evidence, by, path = _restarted(question, evidence, resolved, first, refined or scorer, path)
         if by is not scorer:
             refined, weights = by, path[-1].weights
-        if len(path) == 1 and evidence.verdict == "missing_effect":
+        if len(path) == 1 and evidence.verdict == Verdict.MISSING_EFFECT:
             evidence = with_best_unconfirmed(evidence)
     if refined is not None and len(path) > 2:
         watch, laws = question.stages.part(0.97, 0.98), path[-1].effect_ids
@@ -217,7 +218,7 @@ def _in_floors(question: Question, found: Found) -> Found:
     in the search all that a model left passed for noise.
     """
     weights = weights_at_floor(question.reduction, found.path[-1])
-    scorer = found.scorer.in_floors()
+    scorer = found.scorer.with_floor_weights()
     evidence = rescore(scorer, found.evidence, weights)
     by, steps = scored_in_floors(found.refined or found.scorer, found.path[1:], weights)
     rivals = []
@@ -308,7 +309,7 @@ def _path(
     if first.refined is None or worth_a_further_effect(first.end):
         effects, watch = scorer.reduced.layout.effects, question.stages.part(0.75, 0.88)
         path = forward_selection(scorer, evidence, effects, len(question.given), watch)
-    if evidence.verdict != "missing_effect" or len(path) != 2:
+    if evidence.verdict != Verdict.MISSING_EFFECT or len(path) != 2:
         return evidence, path
     watch = question.stages.part(0.88, 0.9)
     resolved = break_ties(question.reduction, scorer, evidence, path[-1].weights, watch)

@@ -25,6 +25,7 @@ from fingerlab.diagnosis.settings import (
     MOVED_DEG,
     OFF_CURRENT,
     PULLS_SHARE,
+    SAME_TORQUE,
     SWING_SAMPLES,
 )
 from fingerlab.diagnosis.signals.scales import is_still
@@ -33,6 +34,8 @@ from fingerlab.rig.file import Rig
 from fingerlab.sessions.model import Array, Run
 
 NOT_KNOWN = float("nan")
+USUAL_ARM_M = float(np.sqrt(LEAST_ARM_M * LARGEST_ARM_M))
+"""Of which nothing is known, m: in the middle of the plausible ones, by ratio."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +80,7 @@ def facts_of(run: Run, motion: Motion, rig: Rig) -> ChannelRatios:
         force = motion.force[inner]
         # A fingertip's lever is a phalanx, the cable's an arm.
         lever = 2.0 * rig.finger.distal_half_length
-        newton = _usual_arm(rig) / lever if lever > 0 else NOT_KNOWN
+        newton = USUAL_ARM_M / lever if lever > 0 else NOT_KNOWN
         mean, varies = max(float(np.mean(pull)), 0.0), _swing(pull)
         share = float(np.mean(force)) / (newton * mean) if mean > 0 else NOT_KNOWN
         swing = _swing(force) / (newton * varies) if varies > PULLS_SHARE * mean > 0 else NOT_KNOWN
@@ -133,19 +136,11 @@ def torque_of_an_ampere(run: Run, rig: Rig) -> float:
     return rig.ampere if agrees else 0.0
 
 
-SAME_TORQUE = 0.05
-"""By how much torque and current may differ by the rig's constants and be told of each other; assumed."""
-
-
 def _swing(values: Array) -> float:
     """From nearly the lowest value to nearly the highest, which no spike moves."""
     some = np.sort(values[:: max(len(values) // SWING_SAMPLES, 1)])
     edge = len(some) // 50
     return float(some[-1 - edge] - some[edge]) if len(some) else 0.0
-
-
-def _usual_arm(rig: Rig) -> float:
-    return float(np.sqrt(LEAST_ARM_M * LARGEST_ARM_M))
 
 
 def check_channels(seen: Sequence[ChannelRatios]) -> None:

@@ -3,7 +3,7 @@
 Runs of one routing and phase are a group: they share moment arms, losses and noise. Within a group, runs that
 were told the same motion are one condition. What no model explains of a bench repeats from run to run of one
 condition, so more of them are not new evidence about physics; another frequency or amplitude is. A group's
-runs are dealt to folds, which are held out of a fit one turn at a time.
+runs are dealt to folds, which are held out of a fit one split at a time.
 """
 
 from __future__ import annotations
@@ -16,13 +16,7 @@ from typing import Any
 import numpy as np
 
 from fingerlab.core.errors import UserError
-from fingerlab.diagnosis.settings import (
-    FOLDS,
-    MOST_CHANGES,
-    MOST_FOLDS,
-    SAME_DIFFERENCE,
-    SAME_SHARE,
-)
+from fingerlab.diagnosis.settings import FOLDS, MOST_CHANGES, MOST_FOLDS, SAME_DIFFERENCE, SAME_SHARE
 from fingerlab.rig.file import INTERVENTION, UNCHANGED, Intervention, intervention_of
 from fingerlab.sessions.model import Run, Session
 
@@ -38,18 +32,18 @@ class Fold:
 
     Attributes:
         condition: number of the motion that they were told, within the group.
-        turn: folds of one turn, of all groups, are left out at the same time.
+        split: folds of one split, of all groups, are left out at the same time.
     """
 
     condition: int
-    turn: int
+    split: int
 
 
-def deal(runs: Sequence[Run], most: int) -> tuple[list[Fold], list[int]]:
+def folds_of(runs: Sequence[Run], most: int) -> tuple[list[Fold], list[int]]:
     """The folds of a group, and the fold of each of its runs.
 
     Args:
-        runs: of one routing and phase. most: folds of one condition, and turns.
+        runs: of one routing and phase. most: folds of one condition, and splits.
     """
     seen: list[Run] = []
     conditions = [_condition(run, seen) for run in runs]
@@ -144,10 +138,10 @@ def _shape(run: Run) -> Mapping[str, Any]:
 def _alike(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
     if one.get("kind") != other.get("kind"):
         return False
-    return all(_close(one.get(name), other.get(name), SAME_DIFFERENCE[name]) for name in COMPARED)
+    return all(_within_tolerance(one.get(name), other.get(name), SAME_DIFFERENCE[name]) for name in COMPARED)
 
 
-def _close(one: object, other: object, difference: float) -> bool:
+def _within_tolerance(one: object, other: object, difference: float) -> bool:
     if not isinstance(one, int | float) or not isinstance(other, int | float):
         return one == other
     return abs(one - other) <= max(difference, SAME_SHARE * max(abs(one), abs(other)))
@@ -242,14 +236,14 @@ def kind_of(phase: str) -> str:
     return "contact" if phase == "contact" else "free"
 
 
-def deal_runs(runs: Sequence[Run]) -> tuple[dict[GroupKey, list[Fold]], list[int]]:
+def folds_of_runs(runs: Sequence[Run]) -> tuple[dict[GroupKey, list[Fold]], list[int]]:
     """The folds of every group of runs, and for each run which of its group's folds holds it."""
     members: dict[GroupKey, list[int]] = {}
     for number, run in enumerate(runs):
         members.setdefault(group_key(run), []).append(number)
     folds, places = {}, [0] * len(runs)
     for key, mine in members.items():
-        folds[key], found = deal([runs[i] for i in mine], FOLDS)
+        folds[key], found = folds_of([runs[i] for i in mine], FOLDS)
         for i, place in zip(mine, found, strict=True):
             places[i] = place
     return folds, places

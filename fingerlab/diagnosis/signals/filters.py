@@ -24,9 +24,9 @@ from numpy.typing import NDArray
 
 from fingerlab.diagnosis.settings import (
     END_JUMP,
-    HELD_STEPS,
-    LEAST_HELD,
+    JUMP_STEPS,
     LEAST_JITTER,
+    LEAST_JUMPS,
     LEAST_SPIKE,
     LEAST_SPIKE_LOCALLY,
     LONGEST_BRIDGE_S,
@@ -37,6 +37,7 @@ from fingerlab.diagnosis.settings import (
     OFTEN_STILL,
     PULSE_SAMPLES,
     REPORTED_JITTER,
+    SAME_SIZE,
     SPIKE_NEIGHBOURS,
     STANDING_SHARE,
     STRAIGHTER,
@@ -47,11 +48,16 @@ from fingerlab.sessions.model import Array
 
 Repair = tuple[str, str]
 """What was put right, and the channel: samples are counted by both."""
-SPIKE, HELD = "spike", "held"
+SPIKE, REPEATED = "spike", "held"
 """Of a channel: single samples that are no measurements, and those that only repeat the last reading."""
 BRIDGED, CUT_OUT, UNEVEN = ("bridged", "time"), ("cut out", "time"), ("uneven", "time")
 """Of the time: samples that were lost and bridged, those of gaps too long for that, between which a run is
 analysed piece by piece, and those that came early or late, where all are taken at their times."""
+
+
+def bridge_samples(rate: float) -> int:
+    """So many lost samples in a row, at ``rate`` a second, are bridged; one at any rate."""
+    return max(int(LONGEST_BRIDGE_S * rate), 1)
 
 
 def at_even_times(
@@ -75,7 +81,7 @@ def at_even_times(
     if not _straighter(samples["motor_position"], place):
         return dict(samples), {}
     every = np.arange(int(place[-1]) + 1)
-    gaps = np.rint(steps) > max(int(LONGEST_BRIDGE_S * rate), 1) + 1
+    gaps = np.rint(steps) > bridge_samples(rate) + 1
     cut = gaps[np.minimum(np.searchsorted(place, every, side="right") - 1, len(gaps) - 1)]
     cut_out, every = int(np.count_nonzero(cut & (every >= lead))), every[~cut]
     found = {name: np.interp(every, place, values) for name, values in samples.items()}
@@ -105,7 +111,7 @@ def bridged(samples: Mapping[str, Array], rate: float) -> tuple[dict[str, Array]
     time = samples["time"]
     steps = np.diff(time) * rate
     lost = np.rint(steps).astype(int) - 1
-    lost[(lost < 0) | (lost > max(int(LONGEST_BRIDGE_S * rate), 1))] = 0
+    lost[(lost < 0) | (lost > bridge_samples(rate))] = 0
     if not lost.any():
         return dict(samples), 0
     place = np.concatenate(([0], np.cumsum(lost + 1)))
@@ -116,7 +122,7 @@ def bridged(samples: Mapping[str, Array], rate: float) -> tuple[dict[str, Array]
 def lost(time: Array, rate: float) -> dict[Repair, int]:
     """Samples that a stretch of time, s, (n,), lacks: those that are bridged, and those of longer gaps."""
     missing = np.rint(np.diff(time) * rate).astype(int) - 1
-    short = missing <= max(int(LONGEST_BRIDGE_S * rate), 1)
+    short = missing <= bridge_samples(rate)
     counts = {BRIDGED: missing[short & (missing > 0)].sum(), CUT_OUT: missing[~short].sum()}
     return {what: int(count) for what, count in counts.items() if count}
 
@@ -182,14 +188,14 @@ def usual_wait(values: Array, most: float) -> int:
     """
     changes = np.abs(np.diff(values))
     new = np.flatnonzero(changes) + 1
-    if not LEAST_HELD < len(new) < STANDING_SHARE * len(values):
+    if not LEAST_JUMPS < len(new) < STANDING_SHARE * len(values):
         return 1
     sizes = np.unique(changes[new - 1])
     apart = np.diff(sizes)
     # At an even speed all changes are alike, and what they differ by is the step.
     step = min(sizes[0], np.min(apart, where=apart > SAME_SIZE * sizes[0], initial=np.inf))
-    waits = np.diff(new)[changes[new[:-1] - 1] > HELD_STEPS * step]
-    if len(waits) < LEAST_HELD or np.mean(waits > 1) < STANDING_SHARE or np.median(waits) > most:
+    waits = np.diff(new)[changes[new[:-1] - 1] > JUMP_STEPS * step]
+    if len(waits) < LEAST_JUMPS or np.mean(waits > 1) < STANDING_SHARE or np.median(waits) > most:
         return 1
     return int(np.median(waits))
 
@@ -222,8 +228,6 @@ def between_readings(values: Array, readings: NDArray[np.intp], count: int) -> A
     return np.asarray(found)
 
 
-SAME_SIZE = 0.05
-"""Changes that differ by less than this share of the smallest differ by rounding."""
 NONE = np.zeros(0, dtype=int)
 
 

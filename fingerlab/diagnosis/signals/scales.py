@@ -22,7 +22,6 @@ import numpy as np
 from fingerlab.core.text import FACTORS
 from fingerlab.diagnosis.settings import (
     BAND_OVER_HALF,
-    HELD_SAMPLES,
     LEAST_RATE_HZ,
     LEAST_READINGS,
     LEAST_TURN,
@@ -30,6 +29,7 @@ from fingerlab.diagnosis.settings import (
     NARROW_CUTOFF_HZ,
     PACE_SAMPLES,
     QUICKER_OCTAVES,
+    READ_SAMPLES,
     SETTLING_SHARE,
     SHORTEST_STRETCH_S,
     USUAL_PACE,
@@ -173,7 +173,7 @@ def _read_rate(run: Run) -> float:
     A torque may be told in steps; what moves does not jump.
     """
     names = {"motor_position"} if run.phase == "motor_bench" else {*FINGER_CHANNELS} - {"motor_torque"}
-    waits = (usual_wait(_moving(run, name, HELD_SAMPLES), HELD_SAMPLES / LEAST_READINGS) for name in names)
+    waits = (usual_wait(_moving(run, name, READ_SAMPLES), READ_SAMPLES / LEAST_READINGS) for name in names)
     return run.sample_rate_hz / max(waits)
 
 

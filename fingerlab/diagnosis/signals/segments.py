@@ -34,7 +34,7 @@ from fingerlab.diagnosis.settings import (
 )
 from fingerlab.diagnosis.signals.conditions import BENCH_CHANNELS, CHANGE, FINGER_CHANNELS
 from fingerlab.diagnosis.signals.filters import (
-    HELD,
+    REPEATED,
     SPIKE,
     at_even_times,
     at_wide_rate,
@@ -137,8 +137,8 @@ def _without_gaps(run: Run, rig: Rig, start: int, stop: int, on_bench: bool, lea
         for name in names:
             if name != "endpoint_force":
                 _check_numbers(run, name, mine[name], start - lead + piece.start)
-            mine[name], spikes, held = _repaired(mine[name], run.sample_rate_hz, its_lead)
-            repairs |= {(HELD, name): held} if held else {}
+            mine[name], spikes, repeated = _repaired(mine[name], run.sample_rate_hz, its_lead)
+            repairs |= {(REPEATED, name): repeated} if repeated else {}
             spikes = spikes[spikes >= its_lead]
             repairs |= {(SPIKE, name): len(spikes)} if len(spikes) else {}
             spiked |= set(spikes.tolist())
@@ -158,8 +158,8 @@ def _repaired(values: Array, rate: float, lead: int) -> tuple[Array, Array, int]
         return *without_spikes(values), 0
     readings = readings_of(values, usual)
     read, spikes = without_spikes(values[readings])
-    held = len(values) - lead - int(np.count_nonzero(readings >= lead))
-    return between_readings(read, readings, len(values)), readings[spikes], held
+    repeated = len(values) - lead - int(np.count_nonzero(readings >= lead))
+    return between_readings(read, readings, len(values)), readings[spikes], repeated
 
 
 def _whole(time: Array, rate: float, lead: int) -> Iterator[tuple[slice, int]]:
@@ -262,10 +262,10 @@ def _drive_sign(torque: Array, motion: Array) -> float:
     Args:
         torque: N m, shape (n,). motion: position, velocity and acceleration, shape (3, n).
     """
-    held = np.stack((np.ones_like(torque), motion[0], motion[2]), axis=1)
-    fitted = np.linalg.lstsq(held, torque, rcond=None)[0]
-    rest = torque - held @ fitted
-    beside = motion[2] - held[:, :2] @ np.linalg.lstsq(held[:, :2], motion[2], rcond=None)[0]
+    base = np.stack((np.ones_like(torque), motion[0], motion[2]), axis=1)
+    fitted = np.linalg.lstsq(base, torque, rcond=None)[0]
+    rest = torque - base @ fitted
+    beside = motion[2] - base[:, :2] @ np.linalg.lstsq(base[:, :2], motion[2], rcond=None)[0]
     if float(fitted[2]) * float(beside.std()) > float(rest.std()):
         return 1.0
     alike = float(rest @ motion[1]) / max(float(np.linalg.norm(rest) * np.linalg.norm(motion[1])), 1e-300)

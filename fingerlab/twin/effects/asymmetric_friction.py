@@ -26,6 +26,10 @@ def found(v: Values, nominal: Nominal) -> dict[str, float]:
     return {"torque": v["coulomb"], "asymmetry": asymmetry, **winding(v)}
 
 
+def expected(v: Values) -> dict[str, float]:
+    return {"coulomb": v["torque"], "difference": v["torque"] * v["asymmetry"]}
+
+
 EFFECT = PlantEffect(
     id="asymmetric_friction",
     parameters=(
@@ -36,4 +40,6 @@ EFFECT = PlantEffect(
     phases=DRIVE,
     apply=apply,
     found=found,
+    expected=expected,
+    practised=True,
 )

@@ -15,6 +15,10 @@ def found(v: Values, nominal: Nominal) -> dict[str, float]:
     return {"play": 2.0 * v["half_gap"]}
 
 
+def expected(v: Values) -> dict[str, float]:
+    return {"half_gap": 0.5 * v["play"]}
+
+
 EFFECT = PlantEffect(
     id="backlash",
     parameters=(
@@ -25,4 +29,6 @@ EFFECT = PlantEffect(
     phases=FINGER,
     apply=apply,
     found=found,
+    expected=expected,
+    practised=True,
 )

@@ -20,6 +20,10 @@ def found(v: Values, nominal: Nominal) -> dict[str, float]:
     return {"compliance": more, "damping_time": max(lag, 0.0)}
 
 
+def expected(v: Values) -> dict[str, float]:
+    return {"cable_compliance": v["compliance"]}
+
+
 EFFECT = PlantEffect(
     id="cable_stretch",
     parameters=(
@@ -29,4 +33,6 @@ EFFECT = PlantEffect(
     phases=FINGER,
     apply=apply,
     found=found,
+    expected=expected,
+    practised=True,
 )

@@ -23,4 +23,5 @@ EFFECT = PlantEffect(
     phases=FINGER,
     apply=apply,
     found=found,
+    practised=True,
 )

@@ -13,6 +13,7 @@ from fingerlab.twin.plant import (
     both_joints,
     constant,
     dry,
+    gains_of_joints,
     winding,
 )
 
@@ -26,10 +27,15 @@ def found(v: Values, nominal: Nominal) -> dict[str, float]:
     return both_joints(v["coulomb_mcp"], v["coulomb_pip"]) | winding(v)
 
 
+def expected(v: Values) -> dict[str, float]:
+    return gains_of_joints("coulomb", v)
+
+
 EFFECT = PlantEffect(
     id="coulomb_friction",
     parameters=(constant("mcp", "N m", 2.5e-3, 6e-4, 8e-3), RATIO, WIND_UP),
     phases=FINGER,
     apply=apply,
     found=found,
+    expected=expected,
 )

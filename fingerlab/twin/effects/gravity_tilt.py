@@ -11,10 +11,15 @@ def found(v: Values, nominal: Nominal) -> dict[str, float]:
     return {"angle": v["tilt"], "sign": 1.0}
 
 
+def expected(v: Values) -> dict[str, float]:
+    return {"tilt": v["angle"]}
+
+
 EFFECT = PlantEffect(
     id="gravity_tilt",
     parameters=(constant("angle", "rad", 0.26, 0.05, 0.6, "assumed: 15 degrees"),),
     phases=FINGER,
     apply=apply,
     found=found,
+    expected=expected,
 )

@@ -11,10 +11,15 @@ def found(v: Values, nominal: Nominal) -> dict[str, float]:
     return {"stiffness": v["coupling"]}
 
 
+def expected(v: Values) -> dict[str, float]:
+    return {"coupling": v["stiffness"]}
+
+
 EFFECT = PlantEffect(
     id="joint_coupling",
     parameters=(constant("stiffness", "N m/rad", 0.025, 5e-3, 0.08),),
     phases=FINGER,
     apply=apply,
     found=found,
+    expected=expected,
 )

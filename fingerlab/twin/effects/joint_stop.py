@@ -33,4 +33,5 @@ EFFECT = PlantEffect(
     phases=FINGER,
     apply=apply,
     found=found,
+    practised=True,
 )

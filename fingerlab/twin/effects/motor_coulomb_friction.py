@@ -22,6 +22,10 @@ def found(v: Values, nominal: Nominal) -> dict[str, float]:
     return {"torque": v["coulomb"], **winding(v)}
 
 
+def expected(v: Values) -> dict[str, float]:
+    return {"coulomb": v["torque"]}
+
+
 EFFECT = PlantEffect(
     id="motor_coulomb_friction",
     parameters=(
@@ -31,4 +35,6 @@ EFFECT = PlantEffect(
     phases=DRIVE,
     apply=apply,
     found=found,
+    expected=expected,
+    practised=True,
 )

@@ -11,10 +11,15 @@ def found(v: Values, nominal: Nominal) -> dict[str, float]:
     return {"inertia": v["inertia"]}
 
 
+def expected(v: Values) -> dict[str, float]:
+    return {"inertia": v["inertia"]}
+
+
 EFFECT = PlantEffect(
     id="motor_inertia",
     parameters=(constant("inertia", "kg m^2", 4.0e-4, 1e-4, 2e-3, "assumed: steel disc of 40 mm"),),
     phases=DRIVE,
     apply=apply,
     found=found,
+    expected=expected,
 )

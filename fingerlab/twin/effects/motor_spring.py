@@ -11,10 +11,16 @@ def found(v: Values, nominal: Nominal) -> dict[str, float]:
     return {"stiffness": v["stiffness"]}
 
 
+def expected(v: Values) -> dict[str, float]:
+    return {"stiffness": v["stiffness"]}
+
+
 EFFECT = PlantEffect(
     id="motor_spring",
     parameters=(constant("stiffness", "N m/rad", 0.03, 5e-3, 0.15),),
     phases=DRIVE,
     apply=apply,
     found=found,
+    expected=expected,
+    practised=True,
 )

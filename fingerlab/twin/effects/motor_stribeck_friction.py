@@ -25,6 +25,10 @@ def found(v: Values, nominal: Nominal) -> dict[str, float]:
     return {"torque": v["coulomb"], "excess": excess, "speed": half_speed(v), **winding(v)}
 
 
+def expected(v: Values) -> dict[str, float]:
+    return {"coulomb": v["torque"], "extra": v["torque"] * v["excess"]}
+
+
 EFFECT = PlantEffect(
     id="motor_stribeck_friction",
     parameters=(
@@ -36,4 +40,5 @@ EFFECT = PlantEffect(
     phases=DRIVE,
     apply=apply,
     found=found,
+    expected=expected,
 )

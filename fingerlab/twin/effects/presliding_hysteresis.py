@@ -11,6 +11,7 @@ from fingerlab.twin.plant import (
     Values,
     both_joints,
     constant,
+    gains_of_joints,
     spread,
     winding,
 )
@@ -25,6 +26,10 @@ def found(v: Values, nominal: Nominal) -> dict[str, float]:
     return both_joints(v["dahl_mcp"], v["dahl_pip"]) | winding(v)
 
 
+def expected(v: Values) -> dict[str, float]:
+    return gains_of_joints("dahl", v)
+
+
 EFFECT = PlantEffect(
     id="presliding_hysteresis",
     parameters=(
@@ -35,4 +40,6 @@ EFFECT = PlantEffect(
     phases=FINGER,
     apply=apply,
     found=found,
+    expected=expected,
+    practised=True,
 )

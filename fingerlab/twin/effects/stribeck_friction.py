@@ -14,6 +14,7 @@ from fingerlab.twin.plant import (
     both_joints,
     breaking_away,
     constant,
+    gains_of_joints,
     half_speed,
     winding,
 )
@@ -30,6 +31,10 @@ def found(v: Values, nominal: Nominal) -> dict[str, float]:
     return {**joints, **winding(v), "excess": excess, "speed": half_speed(v)}
 
 
+def expected(v: Values) -> dict[str, float]:
+    return gains_of_joints("coulomb", v) | gains_of_joints("extra", v, v["excess"])
+
+
 EFFECT = PlantEffect(
     id="stribeck_friction",
     parameters=(
@@ -42,4 +47,5 @@ EFFECT = PlantEffect(
     phases=FINGER,
     apply=apply,
     found=found,
+    expected=expected,
 )

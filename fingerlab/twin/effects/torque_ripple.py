@@ -22,4 +22,5 @@ EFFECT = PlantEffect(
     phases=DRIVE,
     apply=apply,
     found=found,
+    practised=True,
 )

@@ -11,10 +11,16 @@ def found(v: Values, nominal: Nominal) -> dict[str, float]:
     return {"delay": max(v["delay"], 0.0)}
 
 
+def expected(v: Values) -> dict[str, float]:
+    return {"delay": v["delay"]}
+
+
 EFFECT = PlantEffect(
     id="transport_delay",
     parameters=(constant("delay", "s", 0.04, 5e-3, 0.2, "thesis section 4.2 saw 162 ms; cause open"),),
     phases=FINGER,
     apply=apply,
     found=found,
+    expected=expected,
+    practised=True,
 )

@@ -24,4 +24,5 @@ EFFECT = PlantEffect(
     phases=FINGER,
     apply=apply,
     found=found,
+    practised=True,
 )

@@ -9,6 +9,7 @@ from fingerlab.twin.plant import (
     Values,
     both_joints,
     constant,
+    gains_of_joints,
     per_joint,
 )
 
@@ -21,10 +22,16 @@ def found(v: Values, nominal: Nominal) -> dict[str, float]:
     return both_joints(v["viscous_mcp"], v["viscous_pip"])
 
 
+def expected(v: Values) -> dict[str, float]:
+    return gains_of_joints("viscous", v)
+
+
 EFFECT = PlantEffect(
     id="viscous_friction",
     parameters=(constant("mcp", "N m s/rad", 2.5e-3, 5e-4, 8e-3), RATIO),
     phases=FINGER,
     apply=apply,
     found=found,
+    expected=expected,
+    practised=True,
 )

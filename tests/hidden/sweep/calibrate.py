@@ -20,12 +20,11 @@ import numpy as np
 from scipy.optimize import minimize
 
 from fingerlab.diagnosis.score.calibration import (
-    NOTHING,
-    UNKNOWN,
     CalibrationTable,
     Odds,
     ProbabilityMap,
     SessionFeature,
+    Verdict,
     answer_distances,
     calibrated,
     calibration,
@@ -41,6 +40,7 @@ BORROWED = 40.0
 """Trials' worth of the next wider group that every group's distances are completed by: of 20 trials of one
 effect the 19th bounds 95 %, and a single trial moves it. With 40 the sets of two tables, each fitted to
 trials that the other was not, are as wide as each other; with 10 and 20 they were not."""
+NOTHING, UNKNOWN = Verdict.NOTHING_MISSING, Verdict.NOT_IN_CATALOGUE
 OUTCOMES = {NOTHING: "Nothing missing", UNKNOWN: "Outside the catalogue"}
 POPULATION = (
     "simulated benches of two engines: size over three decades, tolerances, noise, rates, length and number "
@@ -136,8 +136,8 @@ def read(results: Path) -> tuple[list[KnownTrial], int]:
 
 FREE: dict[str, tuple[Callable[[float], float], float, float]] = {
     "verdict": (math.exp, math.log(0.5), 1.0),
-    "quiet": (float, 0.0, 1.5),
-    "strange": (float, 0.0, 1.5),
+    "nothing_offset": (float, 0.0, 1.5),
+    "unknown_offset": (float, 0.0, 1.5),
     "uninformative_verdict": (float, -4.5, 1.0),
     "uninformative_verdict_slope": (float, 1.5, 1.0),
     "effect": (math.exp, math.log(0.7), 0.7),

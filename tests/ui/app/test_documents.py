@@ -82,7 +82,7 @@ def test_a_word_is_explained_where_it_stands_and_in_the_glossary(
     QTest.mouseClick(error, LEFT)
     QWhatsThis.leaveWhatsThisMode()
     assert "Floor: how well the bench repeats itself" in told[-1]  # its tooltip says so already
-    assert "<b>held out, fold, turn</b></a>: scored by a fit that has not seen the run" in told[-1]
+    assert "<b>held out, fold, split</b></a>: scored by a fit that has not seen the run" in told[-1]
     assert told[-1].count("how well the bench") == 1
     help_entry(opened, "Glossary…")
     dialog = child(opened, Documents, "documents")

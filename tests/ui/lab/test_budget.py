@@ -15,7 +15,8 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QComboBox, QTableWidget
 from pytestqt.qtbot import QtBot
 
-from fingerlab.diagnosis.answer.results import Budget, BudgetPart, Diagnosis
+from fingerlab.diagnosis.answer.error_parts import Budget, BudgetPart
+from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.report.budget_words import mending_sentence
 from fingerlab.sessions.model import Session
 from fingerlab.ui.app.window import MainWindow

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fingerlab.diagnosis.answer.results import Comparison
+from fingerlab.diagnosis.answer.error_parts import Comparison
 from fingerlab.ui.lab.comparison_curves import joined, run_key
 
 

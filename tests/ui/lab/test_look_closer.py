@@ -13,8 +13,8 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication, QComboBox, QLabel
 from pytestqt.qtbot import QtBot
 
+from fingerlab.diagnosis.answer.residual_profiles import FINER
 from fingerlab.diagnosis.answer.results import Diagnosis, HeldOutRuns
-from fingerlab.diagnosis.answer.where import FINER
 from fingerlab.ui.app.window import MainWindow
 from fingerlab.ui.lab.comparison_plot import ComparisonPlot
 from fingerlab.ui.lab.validation import HeldOutTable

@@ -13,7 +13,8 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication, QFileDialog, QLabel, QPushButton
 from pytestqt.qtbot import QtBot
 
-from fingerlab.diagnosis.answer.results import EquationError, HeldOutRuns
+from fingerlab.diagnosis.answer.error_parts import EquationError
+from fingerlab.diagnosis.answer.results import HeldOutRuns
 from fingerlab.models.file import load_model, project_path
 from fingerlab.twin.effects import parse_effects
 from fingerlab.twin.protocols import load_preset, single_run

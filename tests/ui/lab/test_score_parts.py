@@ -14,7 +14,8 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication, QTableWidget
 from pytestqt.qtbot import QtBot
 
-from fingerlab.diagnosis.answer.results import Diagnosis, ExcludedByMotion, ExcludedInterval, ScorePart
+from fingerlab.diagnosis.answer.error_parts import ExcludedByMotion, ExcludedInterval, ScorePart
+from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.sessions.model import Session
 from fingerlab.ui.app.window import MainWindow
 from fingerlab.ui.widgets.theme import Appearance, apply_appearance

@@ -12,7 +12,7 @@ from pytestqt.qtbot import QtBot
 
 from fingerlab.core.text import NO_BREAK
 from fingerlab.diagnosis.answer.results import Diagnosis, HeldOutRuns
-from fingerlab.library.notes import Verdict
+from fingerlab.library.notes import StoredVerdict
 from fingerlab.report.diagnosis_words import could_hide, set_sentence, verdict_sentence
 from fingerlab.ui.app.window import MainWindow
 from fingerlab.ui.lab.result_words import set_help, set_words, step_results
@@ -101,10 +101,12 @@ def test_an_effect_that_is_not_ruled_out_but_improbable_is_said_apart() -> None:
 
 
 def test_the_browser_does_not_show_them_as_found() -> None:
-    verdict = Verdict("nothing_missing", ("gravity_tilt",), 0.82, 1.03, Path("v.parquet"), outdated=False)
+    verdict = StoredVerdict(
+        "nothing_missing", ("gravity_tilt",), 0.82, 1.03, Path("v.parquet"), outdated=False
+    )
     assert verdict_text(verdict) == "nothing missing\n82 %"
     assert "leaves open, at a plausible strength: tilted base" in verdict_help(verdict)
-    found = Verdict("missing_effect", ("gravity_tilt",), 0.9, 1.03, Path("v.parquet"), outdated=False)
+    found = StoredVerdict("missing_effect", ("gravity_tilt",), 0.9, 1.03, Path("v.parquet"), outdated=False)
     assert verdict_text(found) == "Tilted base\n90 %"
     either = replace(found, effects=("gravity_tilt", "viscous_friction"))
     assert verdict_text(either) == "Tilted base or Viscous joint friction\none of 2, 90 %"

@@ -15,7 +15,7 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QComboBox, QLabel
 from pytestqt.qtbot import QtBot
 
-from fingerlab.diagnosis.answer.where import SHAPES
+from fingerlab.diagnosis.answer.residual_profiles import RESIDUAL_FIGURES
 from fingerlab.ui.app.window import MainWindow
 from fingerlab.ui.lab.lab_view import LabView
 
@@ -49,7 +49,7 @@ def test_it_opens_with_what_the_residual_follows_most(asking: LabView) -> None:
     assert found is not None
     assert found.coordinate.id in ("speed", "motor_speed", "phase")  # friction follows all three alike
     names = {asking.where.coordinate.itemData(row) for row in range(asking.where.coordinate.count())}
-    names -= {None, *SHAPES}  # a line between, and pictures of the run shown
+    names -= {None, *RESIDUAL_FIGURES}  # a line between, and pictures of the run shown
     assert names == {"phase", "speed", "angle", "tension", "motor_angle", "motor_speed", "time", "run"}
 
 

@@ -1,4 +1,4 @@
-"""The strength of an effect in every session, found there or not, and what is known of a number beforehand.
+"""What is followed over sessions: trends, and the strength of an effect in each, found there or not.
 
 A session in whose last model an effect stands tells its strength in that model. One whose model needs
 nothing tells the strength of the effect fitted alone. One whose model holds others, and needs no more, tells
@@ -9,22 +9,23 @@ belongs to the others. One that cannot tell the effect from those of its model t
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
 
 from fingerlab.batch.laws import Prior
-from fingerlab.batch.table import Row, number_of
+from fingerlab.batch.table import Row, is_delay, number_of, recorded_at
+from fingerlab.core.text import LEVEL
+from fingerlab.diagnosis.equations.coefficients import DELAY
 from fingerlab.diagnosis.equations.parameters import nuisance_ranges
 from fingerlab.diagnosis.settings import Z90
-from fingerlab.effects import find_effect
+from fingerlab.effects import CATALOGUE, find_effect
+from fingerlab.effects.base import FAMILIES
 from fingerlab.physics.parameter import Parameter
 from fingerlab.rig.file import default_rig
 from fingerlab.sessions.model import Array
-
-DELAY = "transport_delay"
-"""Its strength is followed as it is fitted alone: nothing else takes it up."""
 
 
 def model_of(row: Row) -> tuple[str, ...]:
@@ -47,8 +48,8 @@ def effect_of(column: str) -> str:
 
 def strength_columns(effect: str, rows: Sequence[Row]) -> list[str]:
     """Columns that hold how strong an effect is, in rows of :func:`with_strengths`."""
-    if effect == DELAY:
-        names = {f"alone.{effect}.delay"}
+    if is_delay(effect):  # followed as it is fitted alone: nothing else takes it up
+        names = {f"alone.{effect}.{DELAY}"}
     else:
         start = f"param.{effect}."
         names = {name for row in rows for name in row if name.startswith(start)}
@@ -122,3 +123,94 @@ def _parameter(effect: str, name: str) -> Parameter | None:
         return ranges.get(name.partition("@")[0])
     known = find_effect(effect)
     return None if known is None else known.unknowns.get(name)
+
+
+FOLLOWED_EFFECTS = sorted(
+    (one for one in CATALOGUE.values() if one.followed),
+    key=lambda one: (FAMILIES.index(one.family), one.title),
+)
+"""Those whose strength is followed over time, found missing or not, as a reader looks for them."""
+DAYS_A_MONTH = 365.25 / 12
+LEAST_TIMES = 4
+"""All slopes agree by chance one time in three with three points, one in twelve with four."""
+FOLLOWED = ("score", "final_score")
+FOLLOWED_PARAMETERS = (
+    "param.arm_mcp", "param.arm_pip", *(f"alone.{one.id}." for one in FOLLOWED_EFFECTS), "param.loss_mcp",
+    "param.loss_pip", "param.offset", "param.bench_gain", "param.bench_offset",
+)  # fmt: skip
+"""Columns that are followed over time, by how their names begin: arms, friction, delay, losses, offset."""
+
+
+@dataclass(frozen=True)
+class Trend:
+    """A quantity over time. ``median`` and ``per_month`` with its 90 % interval are in ``unit`` (a month)."""
+
+    column: str
+    unit: str
+    median: float
+    per_month: float
+    low: float
+    high: float
+    sessions: int
+
+    @property
+    def changes(self) -> bool:
+        """Whether the interval leaves out zero; of ten quantities that do not change, one does by chance."""
+        return self.low > 0 or self.high < 0
+
+
+def ageing_rows(rows: Sequence[Row]) -> list[Row]:
+    """Sessions that were diagnosed and know their time, in its order; a copy of a file counts once."""
+    timed: dict[str, tuple[float, Row]] = {}
+    for row in rows:
+        when = recorded_at(row.get("created"))
+        if when is not None and not row.get("error"):
+            timed.setdefault(str(row["sha256"]), (when.timestamp(), row))
+    return [row for _, row in sorted(timed.values(), key=lambda pair: pair[0])]
+
+
+def followed_columns(rows: Sequence[Row]) -> list[str]:
+    """The followed columns that the rows have, in the order in which a person reads them."""
+    names = sorted({name for row in rows for name in row})
+    found = list(FOLLOWED)
+    for start in FOLLOWED_PARAMETERS:
+        found += [n for n in names if n.startswith(start) and not n.endswith((".low", ".high"))]
+    return found
+
+
+def trends(rows: Sequence[Row], units: Mapping[str, str]) -> list[Trend]:
+    """The trend of every followed quantity that enough sessions have; see :func:`trend`."""
+    usable = ageing_rows(rows)
+    days = days_of(usable)
+    result = []
+    for column in followed_columns(usable):
+        values = np.array([number_of(row.get(column)) for row in usable])
+        known = np.isfinite(values)
+        found = trend(days[known], values[known])
+        if found is not None:
+            slope, low, high = found
+            median, count = float(np.median(values[known])), int(known.sum())
+            result.append(Trend(column, units.get(column, "1"), median, slope, low, high, count))
+    return result
+
+
+def trend(days: Array, values: Array) -> tuple[float, float, float] | None:
+    """Theil-Sen slope per month with its 90 % interval; None for fewer than four different times.
+
+    The median of the slopes of all pairs: a few sessions that went wrong do not turn it. Source: Sen 1968.
+
+    Args:
+        days: time of recording, shape (n,). values: shape (n,).
+    """
+    if len(set(days.tolist())) < LEAST_TIMES:
+        return None
+    from scipy.stats import theilslopes
+
+    slope, _, low, high = theilslopes(values, days / DAYS_A_MONTH, alpha=LEVEL)
+    return float(slope), float(low), float(high)
+
+
+def days_of(rows: Sequence[Row]) -> Array:
+    """Days since 1970 at which sessions of :func:`ageing_rows` were recorded, (n,)."""
+    times = [recorded_at(row["created"]) for row in rows]
+    return np.array([when.timestamp() / 86400.0 for when in times if when is not None])

@@ -1,4 +1,4 @@
-"""``python -m tests.hidden.sweep.foretell``: what proposed runs bring, against what was foretold of them.
+"""``python -m tests.hidden.sweep.gains``: what proposed runs bring, against what was foretold of them.
 
 Benches of the thesis' protocol with one effect each are diagnosed, every proposed run is recorded on its
 bench, and both are diagnosed together. With ``--table`` the correction is fitted to that; with ``--page`` it
@@ -28,14 +28,7 @@ from fingerlab.diagnosis.experiment.separation import GainCalibration, GainLine
 from fingerlab.diagnosis.settings import DECIDING_LOG_ODDS
 from fingerlab.sessions.model import Array
 from fingerlab.twin.effects import EFFECTS
-from tests.hidden.sweep.table import (
-    LITTLE,
-    is_first,
-    kept_by_hand,
-    markdown_table,
-    told_of_truth,
-    well_told,
-)
+from tests.hidden.sweep.table import LITTLE, is_first, kept_by_hand, markdown_table, told_of_truth, well_told
 from tests.hidden.sweep.trials import Trial
 
 Entry = dict[str, Any]
@@ -245,7 +238,7 @@ def read(path: Path) -> dict[str, Entry]:
 @click.option("--also", multiple=True, type=click.Path(path_type=Path, exists=True), help="More results.")
 @click.option("--page", "target", type=click.Path(path_type=Path), help="Page, such as docs/foretold.md.")
 @click.option("--version", default="1", show_default=True)
-@click.option("--command", default="python -m tests.hidden.sweep.foretell", hidden=True)
+@click.option("--command", default="python -m tests.hidden.sweep.gains", hidden=True)
 def main(
     first: int, count: int, jobs: int, results: Path, table: Path | None, also: tuple[Path, ...],
     target: Path | None, version: str, command: str,

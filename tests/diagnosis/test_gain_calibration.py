@@ -14,7 +14,7 @@ from fingerlab.diagnosis.experiment.separation import GainLine, Outlook, gain_ca
 from fingerlab.diagnosis.fit.solver import Fit
 from fingerlab.diagnosis.score.calibration import Odds, calibrated, calibration
 from fingerlab.diagnosis.score.fitted_model import FittedModel, Sensitivity, values_if_there
-from tests.hidden.sweep.foretell import fit_line, fit_shows, well_told
+from tests.hidden.sweep.gains import fit_line, fit_shows, well_told
 
 NAMES = ("coulomb_friction", "viscous_friction", "stribeck_friction")
 
@@ -98,7 +98,7 @@ def test_a_tolerance_at_its_bound_hides_nothing_twice(found: float, typical: flo
 
 
 def test_the_table_of_the_program_is_fitted_and_finite() -> None:
-    text = files("fingerlab.resources").joinpath("foretelling.json").read_text(encoding="utf-8")
+    text = files("fingerlab.resources").joinpath("gain_calibration.json").read_text(encoding="utf-8")
     told, table = json.loads(text), gain_calibration()
     assert told["version"] == table.version
     assert table.fitted >= 10

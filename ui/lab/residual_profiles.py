@@ -11,9 +11,9 @@ from PySide6.QtGui import QKeyEvent, QMouseEvent
 from PySide6.QtWidgets import QComboBox, QLabel, QStackedWidget, QWidget
 
 from fingerlab.core.text import ScreenUnit, largest_of, screen_unit
-from fingerlab.diagnosis.answer.results import Comparison
-from fingerlab.diagnosis.answer.where import (
-    SHAPES,
+from fingerlab.diagnosis.answer.error_parts import Comparison, equation_of
+from fingerlab.diagnosis.answer.residual_profiles import (
+    RESIDUAL_FIGURES,
     Profile,
     ResidualFigure,
     most_orderly,
@@ -38,7 +38,7 @@ from ..widgets.series import Series
 from ..widgets.tables import ElidedLabel, remark
 from ..widgets.theme import colours_of, line, tint
 from .comparison_bar import CURVES, WHERE, LegendKey, LegendKeys
-from .result_words import FLOOR_HELP, equation_text
+from .result_words import FLOOR_HELP
 
 UNITLESS = ScreenUnit("", 1.0)
 SHAPE_KEYS = {
@@ -51,7 +51,7 @@ BAR_GAP = 0.12
 KEY_STEPS = {Qt.Key.Key_Left: -1, Qt.Key.Key_Right: 1}
 
 
-class WherePlot(QuietPlot):
+class ProfilePlot(QuietPlot):
     """Bars: root mean square; points: mean with its 90 % interval; grey: floor. A click or ← → choose a bin.
 
     Signal ``chosen(bin)``: by the user.
@@ -187,7 +187,7 @@ class WherePlot(QuietPlot):
         self.choose(int(known[row]))
 
 
-class ShapePlot(QuietPlot):
+class ResidualFigurePlot(QuietPlot):
     """A loop, or what the residual of the run shown has in common with itself."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
@@ -256,7 +256,7 @@ WHERE_HELP = (
 )
 
 
-class WherePanel(QWidget):
+class ProfilePanel(QWidget):
     """Signal ``place_chosen(profile, bin)``: a bin was chosen by the user."""
 
     place_chosen = Signal(object, int)
@@ -282,11 +282,11 @@ class WherePanel(QWidget):
         label.setBuddy(self.coordinate)
         self.words = remark()
         self.words.setObjectName("whereWords")
-        self.plot = WherePlot()
+        self.plot = ProfilePlot()
         self.plot.setToolTip(WHERE_HELP)
         top = hbox(None, (self.title, 1), label, self.coordinate, spacing=8)
         self._comparison: Comparison | None = None
-        self.shape = ShapePlot()
+        self.shape = ResidualFigurePlot()
         self.keys = LegendKeys(WHERE, wraps=True)
         self.pictures = QStackedWidget()
         self.pictures.addWidget(self.plot)
@@ -346,13 +346,13 @@ class WherePanel(QWidget):
         found, chosen = self.found, str(self.coordinate.currentData())
         self.pictures.setCurrentWidget(self.shape if chosen in SHAPE_TITLES else self.plot)
         self.keys.set_keys(SHAPE_KEYS.get(chosen, WHERE))
-        quantity = equation_text(self._equation).quantity
+        quantity = equation_of(self._equation).quantity
         self.title.setText(
             quantity if chosen in LOOPS else f"Residual of {in_sentence(quantity)}" if self._profiles else ""
         )
         if chosen in SHAPE_TITLES:
             self.words.setText(SHAPE_WORDS[chosen])
-            shape = SHAPES[chosen](self._comparison) if self._comparison is not None else None
+            shape = RESIDUAL_FIGURES[chosen](self._comparison) if self._comparison is not None else None
             upwards = {**dict.fromkeys(LOOPS, quantity), "spectrum": "Residual"}
             self.shape.show_shape(shape, upwards.get(chosen, ""))
             return

@@ -13,22 +13,24 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fingerlab.diagnosis.answer.results import Comparison
+from fingerlab.diagnosis.answer.error_parts import Comparison
 from fingerlab.diagnosis.settings import (
     BINS,
+    CLOSE_ENOUGH,
     LEAST_SAMPLES,
+    LONGEST_LAG_S,
+    MOST_SAMPLES,
     NARROW_CUTOFF_HZ,
     NARROW_RATE_HZ,
     OUTLYING,
     PHASE_BINS,
     SHORTEST_S,
+    SURE,
+    Z90,
 )
-from fingerlab.sessions.model import Array, Run
+from fingerlab.sessions.model import Array, IntArray, Run
 from fingerlab.signals.prepare import LEAST_FOR_SPECTRUM, amplitude_density
-
-IntArray = NDArray[np.int_]
 
 
 @dataclass(frozen=True)
@@ -103,7 +105,6 @@ def profile(comparisons: Sequence[Comparison], equation: str, coordinate: str) -
     Returns:
         None where the runs do not tell the coordinate (a bench has no joint) or never vary it.
     """
-    from fingerlab.diagnosis.settings import Z90
     from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
 
     chosen = COORDINATES[coordinate]
@@ -246,12 +247,6 @@ def most_orderly(profiles: Mapping[str, Profile]) -> str:
     return max(profiles, key=lambda name: order(profiles[name]), default="")
 
 
-LONGEST_LAG_S = 4.0
-"""Of the autocorrelation: four periods of the thesis' usual motion."""
-SURE = 1.96
-"""Standard deviations of a 95 % interval."""
-
-
 @dataclass(frozen=True)
 class ResidualFigure:
     """Curves of one run over one another.
@@ -360,7 +355,7 @@ def spectrum(comparison: Comparison) -> ResidualFigure | None:
     return ResidualFigure("Spectrum of the residual", ("Frequency", "Hz"), up, curves)
 
 
-SHAPES: Mapping[str, Callable[[Comparison], ResidualFigure | None]] = {
+RESIDUAL_FIGURES: Mapping[str, Callable[[Comparison], ResidualFigure | None]] = {
     "angle_loop": angle_loop,
     "tension_loop": tension_loop,
     "autocorrelation": autocorrelation,
@@ -388,10 +383,6 @@ FULL_RATE_CHANNELS = {
     "endpoint_force_mcp": "endpoint_force",
 }  # fmt: skip
 """Channel behind the measured side of each equation."""
-MOST_SAMPLES = 3_000_000
-"""Of a run that is read at its full rate: an hour of it is told no better by more points than pixels."""
-CLOSE_ENOUGH = 0.9
-"""Share of the filtered side that the channel has to tell, else it is not what is measured (assumed)."""
 
 
 def full_rate(comparison: Comparison, run: Run) -> tuple[Array, Array] | None:
