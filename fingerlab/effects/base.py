@@ -412,9 +412,14 @@ def rubbing(
             for sharpness in sharpnesses
             for factor in factors
         ]
-        return [*near, *by_speed(shape)] if shape.get(ALONE) else near
+        return [*near, *far(near, by_travel(shape)), *by_speed(shape)] if shape.get(ALONE) else near
 
-    # Beside other effects the other law may be the right one.
+    def far(near: Sequence[Shape], others: Sequence[Shape]) -> list[Shape]:
+        longest = max(shape["travel_deg"] for shape in near)
+        shortest = min(shape["travel_deg"] for shape in near)
+        return [shape for shape in others if not shortest <= shape["travel_deg"] <= longest]
+
+    # Beside other effects another travel may be the right one, or the other law.
     def by_travel(shape: Shape) -> list[Shape]:
         rest = {name: value for name, value in shape.items() if name != REVERSAL_SPEED}
         return [
