@@ -58,7 +58,7 @@ from fingerlab.diagnosis.score.floors import noise_below_floor
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.score.selection import justified, lacks_fit
 from fingerlab.diagnosis.search.exchange import ExchangedModel, odds_of_rivals
-from fingerlab.diagnosis.search.grid_refinement import fit_refined, with_shapes_of
+from fingerlab.diagnosis.search.grid_refinement import fit_refined, with_other_laws, with_shapes_of
 from fingerlab.diagnosis.search.next_effect import at_edges, fitted_to_the_end
 from fingerlab.diagnosis.search.strategy import Found, Question, Stages, search_effects
 from fingerlab.diagnosis.settings import (
@@ -136,7 +136,7 @@ def diagnose(
             # There and in the catalogue at the shapes that fit best.
             look = None if first is None else partial(_look, first, _weights_of(before))
             alone = fit_refined(reduction, given, stages.part(0.2, 0.25), look)
-            given = at_found_shapes(alone[1])
+            given = with_other_laws(at_found_shapes(alone[1]), catalogue)
             catalogue = with_shapes_of(catalogue, given)
         watch = stages.part(0.25 if given else 0.0, 0.4)
         scorer = Scorer(reduction.of(catalogue, watch, display.keep if display is not None else None))

@@ -155,6 +155,8 @@ def search_effects(question: Question, scorer: Scorer) -> Found:
     """
     effects = scorer.reduced.layout.effects
     base = fit_effects(scorer, question.given)
+    if question.given:  # whether it lacks fit decides whether the shapes of what is given are looked at again
+        base = scorer.score_held_out(base)
     evidence = judge_all(scorer, base, effects, question.stages.part(0.4, 0.7))
     resolved, first = _first_step(question, scorer, evidence)
     resolved, path = _path(question, scorer, resolved, first)
