@@ -85,10 +85,10 @@ def test_friction_by_the_speed_is_found_with_all_that_stands_beside_it(name: str
 
 
 def test_what_is_given_does_not_stand_for_what_is_still_missing() -> None:
-    """Alone, a wide tangent takes the oil's part; beside it the sign is what it is, and nothing is exchanged."""
+    """Alone, a wide tangent takes the oil's part; beside it the sign is a sign, and nothing is exchanged."""
     session = moved_by(LAWS["with oil"][0])
     first = diagnose([session], ["motor_coulomb_friction"], with_curves=False)
-    assert first.better_model is None
+    assert first.better is None
     assert first.candidates[0].effect == "motor_viscous_friction"
     assert [step.added for step in first.path] == [None, "motor_viscous_friction"]
     assert first.path[-1].score < 1.3

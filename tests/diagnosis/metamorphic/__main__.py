@@ -7,9 +7,10 @@ A session takes about a minute and a half on two quiet cores.
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+
+import click
 
 from fingerlab.diagnosis import diagnose
 from fingerlab.diagnosis.answer.results import Diagnosis
@@ -43,9 +44,13 @@ def rows(paths: Sequence[Path]) -> Iterator[str]:
         yield f"| {path.stem} | {said.replace('_', ' ')} | {' | '.join(cells)} |\n"
 
 
-def main() -> None:
-    """Write the table, line by line."""
-    table, *paths = map(Path, sys.argv[1:])
+@click.command()
+@click.argument("table", type=click.Path(dir_okay=False, path_type=Path))
+@click.argument(
+    "paths", nargs=-1, required=True, type=click.Path(exists=True, dir_okay=False, path_type=Path)
+)
+def main(table: Path, paths: tuple[Path, ...]) -> None:
+    """Write TABLE for the sessions PATHS, line by line."""
     with table.open("w", encoding="utf-8") as file:
         for row in rows(paths):
             file.write(row)
