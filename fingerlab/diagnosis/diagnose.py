@@ -172,9 +172,11 @@ def settle_constants(reduction: Reduction, scorer: Scorer) -> Scorer:
     They are looked for once, under the bare model, whatever effects are given.
     """
     if scorer.reduced.on_bench and not (reduction.settled or reduction.late_torque):
-        reduction.late_torque = torque_is_late(reduction, scorer.with_late_told())
+        told = scorer.with_late_told()
+        reduction.late_torque = torque_is_late(reduction, told)
+        scorer = told if reduction.late_torque else scorer
     if reduction.late_torque:
-        scorer = scorer.with_late_told().with_late_torque()
+        scorer = scorer.with_late_torque()
     if reduction.constants is None and not reduction.settled:
         free = Scorer(replace(scorer.reduced, fixed={})) if scorer.reduced.fixed else scorer
         bare, rig = free.bare, reduction.sessions[0].rig

@@ -493,8 +493,8 @@ UNEXPLAINED, UNEXPLAINED_SHARE = 2.0, 0.1
 divided by the effects in it: it did in 20 of 101 trials whose effect had been left out of the catalogue, and
 in 2 of 422 of the others; of two effects and more in 2 of 19 and in none of 70."""
 HALF_UNEXPLAINED, HALF = 0.8, 0.5
-"""... and from this one on if it is half of what was missed: so in none of 1,800 right answers of blind
-trials, and in 2 of 148 about effects that had been left out of the catalogue."""
+"""... and from this squared score above one on, as it is told, if it is half of what was missed: so in none
+of 1,800 right answers of blind trials, and in 2 of 148 about effects left out of the catalogue."""
 
 ASTRAY = 1.1
 """An effect that seems to leave so many times what the model as given does was fitted too little to be told:

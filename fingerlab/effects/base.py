@@ -405,34 +405,37 @@ def rubbing(
     def around(shape: Shape) -> Sequence[Shape]:
         if REVERSAL_SPEED in shape:
             near = times(REVERSAL_SPEED, speed_factors)(shape)
-            return [*near, *by_travel(shape)] if shape.get(ALONE) else near
+            return [*near, *_other_travels(shape, sharpnesses)]
         even = shape["travel_deg"] / (1.0 + shape.get("sharpness", 0.0))
         near = [
             {**shape, "travel_deg": even * (1.0 + sharpness) * factor, "sharpness": sharpness}
             for sharpness in sharpnesses
             for factor in factors
         ]
-        return [*near, *far(near, by_travel(shape)), *by_speed(shape)] if shape.get(ALONE) else near
-
-    def far(near: Sequence[Shape], others: Sequence[Shape]) -> list[Shape]:
-        longest = max(shape["travel_deg"] for shape in near)
-        shortest = min(shape["travel_deg"] for shape in near)
-        return [shape for shape in others if not shortest <= shape["travel_deg"] <= longest]
-
-    # Beside other effects another travel may be the right one, or the other law.
-    def by_travel(shape: Shape) -> list[Shape]:
-        rest = {name: value for name, value in shape.items() if name != REVERSAL_SPEED}
-        return [
-            {**rest, "travel_deg": travel * (1.0 + sharpness), "sharpness": sharpness}
-            for sharpness in sharpnesses
-            for travel in ALONE_TRAVELS_DEG
-        ]
-
-    def by_speed(shape: Shape) -> list[Shape]:
-        rest = {name: value for name, value in shape.items() if name not in ("travel_deg", "sharpness")}
-        return [{**rest, REVERSAL_SPEED: speed} for speed in REVERSAL_SPEEDS]
+        travels = [one["travel_deg"] for one in near]
+        far = [
+            one for one in _other_travels(shape, sharpnesses)
+            if not min(travels) <= one["travel_deg"] <= max(travels)
+        ]  # fmt: skip
+        return [*near, *far, *_other_speeds(shape)]
 
     return around
+
+
+def _other_travels(shape: Shape, sharpnesses: Sequence[float]) -> list[Shape]:
+    """Of a motor alone: beside other effects another travel may be right, or travel in place of speed."""
+    rest = {name: value for name, value in shape.items() if name != REVERSAL_SPEED}
+    return [
+        {**rest, "travel_deg": travel * (1.0 + sharpness), "sharpness": sharpness}
+        for sharpness in sharpnesses
+        for travel in (ALONE_TRAVELS_DEG if shape.get(ALONE) else ())
+    ]
+
+
+def _other_speeds(shape: Shape) -> list[Shape]:
+    """Of a motor alone: the same friction by the speed."""
+    rest = {name: value for name, value in shape.items() if name not in ("travel_deg", "sharpness")}
+    return [{**rest, REVERSAL_SPEED: speed} for speed in (REVERSAL_SPEEDS if shape.get(ALONE) else ())]
 
 
 def every(*closer: Closer) -> Closer:

@@ -58,7 +58,7 @@ def columns(motion: Motion, shape: Shape) -> list[Term]:
 def _closer(shape: Shape) -> list[Shape]:
     """Around the one found, and where the other law would be looked for."""
     if REVERSAL_SPEED in shape:
-        return [{**near, "held": 0.0} for near in rubbing()(shape)]
+        return list(rubbing()(shape))
     held = {**shape, "held": 1.0}
     following = {**shape, "held": 0.0}
     if shape.get("held", 1.0):

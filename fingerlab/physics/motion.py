@@ -216,15 +216,13 @@ def nothing(length: int) -> Array:
     return np.ndarray((length,), np.float64, bytes(8), 0, (0,))
 
 
-def strongest_orders(motions: Sequence[Motion]) -> tuple[float, ...]:
-    """Periods a turn at which the torque of a motor alone repeats most with its angle, strongest first."""
-    return tuple(strongest_lines(motions))
-
-
 def strongest_lines(motions: Sequence[Motion]) -> dict[float, float]:
-    """The same with the share of the strongest one's power that each has, by order.
+    """At which orders the torque of a motor alone repeats most with its angle, strongest first.
 
-    Of what a smooth law of angle, speed, acceleration and load leaves, in quarters of a period.
+    Of what a smooth law of angle, speed, acceleration and load leaves.
+
+    Returns:
+        Share of the strongest line's power by order, in periods a turn, told in quarters.
     """
     travel = float(np.median([np.ptp(one.position) for one in motions]))
     size = 1 << math.ceil(math.log2(4.0 * BINS_A_TURN * max(travel / (2.0 * math.pi), 1.0)))

@@ -13,18 +13,14 @@ def short_runs_words(path: Path) -> str:
 
     How long they have to be depends on the machine: what is logged or moves slowly is looked at slowly.
     """
-    from fingerlab.diagnosis.settings import LEAST_RATE_HZ, SHORTEST_STRETCH_S
+    from fingerlab.diagnosis.settings import LEAST_RATE_HZ
     from fingerlab.diagnosis.signals.scales import LEAST_SECONDS, find_scales, reduced_run
-    from fingerlab.diagnosis.signals.segments import settling_s
+    from fingerlab.diagnosis.signals.segments import is_too_short
 
     session = open_session(path)
     scales = find_scales([session])
     analysed = [(run, reduced_run(run, scales)) for run in session.runs if run.phase == "motor_bench"]
-    short = [
-        run
-        for run, one in analysed
-        if one.length - int(settling_s(one) * one.sample_rate_hz) < SHORTEST_STRETCH_S * one.sample_rate_hz
-    ]
+    short = [run for run, one in analysed if is_too_short(one)]
     if not short:
         return ""
     rate = min(run.sample_rate_hz for run, _ in analysed)

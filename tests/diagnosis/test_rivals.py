@@ -85,6 +85,19 @@ def test_what_two_effects_leave_may_be_half_as_much(others: int, verdict: str) -
     assert with_lack_of_fit(evidence, at_score(3.0, *path)).verdict == verdict
 
 
+@pytest.mark.parametrize(
+    ("left", "verdict"), [(1.3, "missing_effect"), (1.35, "not_in_catalogue"), (1.41, "not_in_catalogue")]
+)
+def test_no_effect_is_missing_where_half_is_left(left: float, verdict: str) -> None:
+    """Of a squared score of 1.25 above one 1.3 floors leave 0.69, 1.35 leave 0.82."""
+    best = at_score(left, "backlash")
+    evidence = judge(at_score(1.5), [best, at_score(1.5, "viscous_friction")])
+    evidence = replace(evidence, probabilities=np.array([0.9, 0.0]), nothing=0.05, unknown=0.05)
+    assert with_lack_of_fit(evidence, best).verdict == verdict
+    far = replace(evidence, base=at_score(2.0))  # of which that is less than a half
+    assert with_lack_of_fit(far, best).verdict == "missing_effect"
+
+
 def test_an_exchange_is_told_with_its_figures() -> None:
     wrong = replace(
         invented.friction_diagnosis("s.h5"),

@@ -21,7 +21,7 @@ from fingerlab.diagnosis.signals.scales import (
 )
 from fingerlab.diagnosis.signals.segments import segments_of
 from fingerlab.physics.friction_states import slip_state
-from fingerlab.physics.motion import Motion, strongest_orders
+from fingerlab.physics.motion import Motion, strongest_lines
 from fingerlab.rig.file import Finger, Motor, Rig, default_rig
 from fingerlab.sessions.model import Run, Session
 
@@ -250,6 +250,6 @@ def test_ripple_orders_come_from_the_torque_over_the_angle() -> None:
         phase="motor_bench", cable_sign=0, sample_rate_hz=250.0, time=time, position=angle, velocity=speed,
         acceleration=acceleration, torque=torque + 2e-3 * rng.standard_normal(len(time)), motor=Motor(),
     )  # fmt: skip
-    orders = strongest_orders([motion])
+    orders = strongest_lines([motion])
     assert 84.0 in orders
     assert len(orders) <= 16

@@ -39,7 +39,7 @@ from fingerlab.diagnosis.settings import (
 from fingerlab.effects import effect
 from fingerlab.effects.base import Effect
 from fingerlab.effects.transmission import RIPPLE_ORDERS
-from fingerlab.physics.motion import Motion, strongest_orders
+from fingerlab.physics.motion import Motion, strongest_lines
 from fingerlab.sessions.model import Array
 
 
@@ -254,7 +254,7 @@ def _offered(reduction: Reduction, motions: Sequence[Motion]) -> list[DraftTerm]
         "mcp": _travel([joints.mcp for joints in turned]), "pip": _travel([joints.pip for joints in turned]),
     } if turned else None  # fmt: skip
     alone = [m for m in motions if m.joints is None]
-    orders = strongest_orders(alone) if alone and not turned else tuple(map(float, RIPPLE_ORDERS))
+    orders = tuple(strongest_lines(alone)) if alone and not turned else tuple(map(float, RIPPLE_ORDERS))
     contact = any(m.force is not None for m in motions)
     of = reduction.scales.of
     return list(library(travel, contact, bool(alone), orders, of("s"), of("N"), of("rad")))

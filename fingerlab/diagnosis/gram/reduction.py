@@ -53,7 +53,7 @@ from fingerlab.diagnosis.signals.filters import Repair
 from fingerlab.diagnosis.signals.scales import Scales, as_recorded, find_scales, reduced_sessions
 from fingerlab.diagnosis.signals.segments import ChannelSigns, check_senses, segments_of
 from fingerlab.effects.base import Effect, Shape
-from fingerlab.physics.motion import Motion, strongest_orders
+from fingerlab.physics.motion import Motion, strongest_lines
 from fingerlab.rig.file import UNCHANGED, Intervention, Rig, intervention_of
 from fingerlab.sessions.model import Array, Run, Session
 from fingerlab.sessions.trajectory import commanded_frequency
@@ -173,7 +173,7 @@ class Reduction:
     @cached_property
     def _orders(self) -> tuple[float, ...]:
         """Periods a turn at which the torque of a motor alone repeats with its angle."""
-        return strongest_orders(self._looked_at())[:STATE_ORDERS] if self._on_bench else ()
+        return tuple(strongest_lines(self._looked_at()))[:STATE_ORDERS] if self._on_bench else ()
 
     def is_of(self, sessions: Sequence[Session]) -> bool:
         """Whether it was made of these very sessions."""

@@ -7,17 +7,17 @@ It takes as many functions as the runs that were left out bear out.
 
 What a law of the state leaves need not be noise: a transmission that winds up, play, an end stop or a delay
 remember the past, and an inertia that is another in every run has no law in common. A law with memory, and
-one of each run's own, tell how much of it is none (:func:`torque_noise`).
+one of each run's own, tell how much of it is none (:func:`variance_of_noise`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 
 from fingerlab.diagnosis.gram.decimation import Decimated, counted
-from fingerlab.diagnosis.gram.sums import ALL_NOISE, TorqueNoise
 from fingerlab.diagnosis.settings import (
     LEAST_OWN_SHARE,
     MUCH_THE_SAME,
@@ -152,21 +152,24 @@ def left_out_covariance(
     return found
 
 
-def torque_noise(runs: Sequence[Sequence[Array]], variance: float) -> TorqueNoise:
-    """What neither a law with memory nor one of each run's own would tell of a motor's torque.
+def variance_of_noise(runs: Sequence[Sequence[Array]]) -> float:
+    """Variance that a law with memory leaves of a motor's torque, or laws of each run's own if that is less.
 
     Args:
         runs: products over blocks of each, with the functions of the past.
-        variance: that no law of the state tells, (N m)^2.
+
+    Returns:
+        Of runs, or parts, that no law has seen, (N m)^2; infinite where that is not known.
     """
     shared = left_out_covariance(runs, late=True)
-    left = min(_left_by_own_laws(runs), np.inf if shared is None else float(shared[0, 0]))
-    if not left < variance:
-        return ALL_NOISE
+    return min(_left_by_own_laws(runs), np.inf if shared is None else float(shared[0, 0]))
+
+
+def told_by(runs: Sequence[Sequence[Array]], variance: float) -> Literal["memory", "runs"]:
+    """Which law leaves this variance: what a run's own tells as well without the past is no memory."""
     now = [*range(len(runs[0][0]) - 1 - PAST), -1]
     of_state = _left_by_own_laws([[block[np.ix_(now, now)] for block in blocks] for blocks in runs])
-    # What a run's own law tells as well without the past is another law, not a memory.
-    return TorqueNoise(left / variance, "runs" if of_state < MUCH_THE_SAME * left else "memory")
+    return "runs" if of_state < MUCH_THE_SAME * variance else "memory"
 
 
 def _left_by_own_laws(runs: Sequence[Sequence[Array]]) -> float:

@@ -292,16 +292,15 @@ def with_lack_of_fit(evidence: Evidence, last: FittedModel) -> Evidence:
     missing where it and all that follow explain too little of it.
     """
     # What is told is the score, which counts every sample; in the misfit long conditions count for less.
-    lacking = lacks_fit(evidence.base) or evidence.base.score**2 - 1.0 > LACK_OF_FIT
+    told, left = evidence.base.score**2 - 1.0, last.score**2 - 1.0
+    lacking = lacks_fit(evidence.base) or told > LACK_OF_FIT
     if evidence.verdict == Verdict.NOTHING_MISSING and lacking:
         nothing = DOUBTED * evidence.nothing
         return replace(evidence, nothing=nothing, unknown=evidence.unknown + evidence.nothing - nothing)
     # Each effect more takes its part of whatever is missing, so that less may be left by many.
     steps = max(len(last.choices) - len(evidence.base.choices), 1)
-    share = last.misfit / max(evidence.base.misfit, 1e-300)
-    far = (lacks_fit(last, UNEXPLAINED) and share > UNEXPLAINED_SHARE / steps) or (
-        lacks_fit(last, HALF_UNEXPLAINED) and share > HALF
-    )
+    far = lacks_fit(last, UNEXPLAINED) and last.misfit > UNEXPLAINED_SHARE / steps * evidence.base.misfit
+    far |= left > HALF_UNEXPLAINED and left > HALF * told
     if evidence.verdict == Verdict.MISSING_EFFECT and far:
         taken = (1.0 - DOUBTED) * float(evidence.probabilities.sum())
         return replace(

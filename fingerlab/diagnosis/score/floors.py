@@ -17,7 +17,12 @@ from fingerlab.diagnosis.equations.model import Choice, Model
 from fingerlab.diagnosis.fit.data import Weights
 from fingerlab.diagnosis.fit.noise import row_covariance
 from fingerlab.diagnosis.gram.reduction import Reduction
-from fingerlab.diagnosis.gram.state_law import left_out_covariance, torque_noise, torque_variance
+from fingerlab.diagnosis.gram.state_law import (
+    left_out_covariance,
+    told_by,
+    torque_variance,
+    variance_of_noise,
+)
 from fingerlab.diagnosis.gram.sums import ALL_NOISE, Group, TorqueNoise
 from fingerlab.diagnosis.score.fitted_model import FittedModel, at_found_shapes
 from fingerlab.diagnosis.score.scorer import Scorer
@@ -78,16 +83,17 @@ def noise_below_floor(
     groups = reduced.groups
     if not (reduced.on_bench and any(group.bounded for group in groups)):
         return ALL_NOISE
-    runs = reduction.torque_with_memory()
     floor = max(1.0 / float(fitted.weights[group.key][Row.BENCH, Row.BENCH]) for group in groups)
     # A score does not count what a motor holds that sticks, nor how far below the floor a model comes.
     before, after = (min(one[1].score ** 2 * floor, _torque_left(*one)) for one in (first, last))
-    if after < LEAST_NOISE * torque_variance(runs):
+    if after < LEAST_NOISE * torque_variance([run for group in groups for run in group.state_products]):
         return ALL_NOISE
-    found = torque_noise(runs, floor)
-    share = max(found.share, LEAST_STATE_SHARE)
-    explained = (before - after) / max(before - share * floor, LEAST_STATE_SHARE * before)
-    return replace(found, share=share) if share < TOLD_BY_MEMORY and explained < TOLD_BY_PATH else ALL_NOISE
+    runs = reduction.torque_with_memory()
+    noise = max(variance_of_noise(runs), LEAST_STATE_SHARE * floor)
+    explained = (before - after) / max(before - noise, LEAST_STATE_SHARE * before)
+    if noise >= TOLD_BY_MEMORY * floor or explained >= TOLD_BY_PATH:
+        return ALL_NOISE
+    return TorqueNoise(noise / floor, told_by(runs, noise))
 
 
 def _torque_left(scorer: Scorer, fitted: FittedModel) -> float:

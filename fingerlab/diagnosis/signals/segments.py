@@ -72,7 +72,7 @@ def segments_of(run: Run, rig: Rig) -> Iterator[Motion]:
             )
     rate = run.sample_rate_hz
     first = int(settling_s(run) * rate)
-    if run.length - first < SHORTEST_STRETCH_S * rate:
+    if is_too_short(run):
         lasts = as_recorded(run).seconds
         raise UserError(
             f"Run {run.name} lasts {lasts:.1f} s; a diagnosis needs at least {_duration(run, LEAST_SECONDS)}."
@@ -91,6 +91,11 @@ def segments_of(run: Run, rig: Rig) -> Iterator[Motion]:
             f"Run {run.name} has so many gaps that no {least} of it are whole; record it again, or "
             "leave it out."
         )
+
+
+def is_too_short(run: Run) -> bool:
+    """Whether too little is left of a run, in reduced units, once it has settled."""
+    return run.length - int(settling_s(run) * run.sample_rate_hz) < SHORTEST_STRETCH_S * run.sample_rate_hz
 
 
 def settling_s(run: Run) -> float:
