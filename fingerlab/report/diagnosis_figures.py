@@ -16,17 +16,7 @@ from fingerlab.diagnosis.answer.error_parts import Budget, Comparison, equation_
 from fingerlab.diagnosis.answer.residual_profiles import Profile, profile
 from fingerlab.diagnosis.answer.results import Diagnosis, Failure, Fingerprint, PathStep
 from fingerlab.report.budget_words import budget_lines, main_family
-from fingerlab.report.diagnosis_words import (
-    FAMILY_TITLES,
-    axis_title,
-    coordinate_unit,
-    coordinates_of,
-    effect_title,
-    in_sentence,
-    residual_unit,
-    suspects,
-    worst_words,
-)
+from fingerlab.report.diagnosis_words import FAMILY_TITLES, effect_title, in_sentence, suspects
 from fingerlab.report.figure_style import (
     CANDIDATE,
     FLOOR,
@@ -41,6 +31,13 @@ from fingerlab.report.figure_style import (
     named_rows,
     new_figure,
     score_bars,
+)
+from fingerlab.report.residual_words import (
+    axis_title,
+    coordinate_unit,
+    coordinates_of,
+    residual_unit,
+    worst_words,
 )
 from fingerlab.sessions.model import Array
 

@@ -19,13 +19,12 @@ from fingerlab.diagnosis.answer.residual_profiles import (
     most_orderly,
     profile,
 )
-from fingerlab.report.diagnosis_words import (
-    PHASE_WORDS,
+from fingerlab.report.diagnosis_words import PHASE_WORDS, in_sentence
+from fingerlab.report.residual_words import (
     axis_title,
     bin_words,
     coordinate_unit,
     coordinates_of,
-    in_sentence,
     miss_words,
     residual_unit,
     worst_words,
