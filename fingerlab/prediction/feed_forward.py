@@ -14,6 +14,7 @@ is gone as far as practice bears it out (:func:`best_share`).
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -39,9 +40,10 @@ NOMINAL, FOUND = "nominal", "found"
 CUTOFF_HZ, TAPS = 8.0, 75
 """Low-pass of a learned torque, at the wide rate; the cutoff is the one of the equations that it comes from,
 and what the angle sensors' noise makes of the springs' torque stays out of the motor."""
-SLOWEST_HZ, HARMONICS, MOST_OF_IT = 3.0, 5.0, 0.99
+SLOWEST_HZ, HARMONICS, MOST_OF_IT = 5.0, 10.0, 0.99
 """A measured motion is followed up to so many times the frequency below which that share of the power of the
-wanted force lies, and up to ``SLOWEST_HZ`` in any case (assumed: harmonics are in it, swings are not)."""
+wanted force lies, and up to ``SLOWEST_HZ`` in any case (assumed: the corners where a tip begins to slide are
+in it, with 5 harmonics they are not; a soft cable's swing mostly is not)."""
 MISSED_N = 0.02
 """A learned torque may miss the wanted force by so much at a sample: a motion that was measured under another
 torque need not have a solution everywhere (assumed: the load cell's noise)."""
@@ -300,6 +302,14 @@ def between(nominal: TorquePlan, found: TorquePlan, share: float, rig: Rig) -> T
     torque = nominal.torque + share * (found.torque - nominal.torque)
     motion = found.pose.motion(rig, found.time, found.force, torque)
     return judged_plan(found.wanted, found.pose, rig, torque, found.half_width, motion, None)
+
+
+def mean_plan(plans: Sequence[TorquePlan], rig: Rig) -> TorquePlan:
+    """The plan with the mean torque of others for the same wanted force."""
+    first = plans[0]
+    torque = np.mean([plan.torque for plan in plans], axis=0)
+    motion = first.pose.motion(rig, first.time, first.force, torque)
+    return judged_plan(first.wanted, first.pose, rig, torque, first.half_width, motion, None)
 
 
 def own_error(model: ExtendedModel) -> float:

@@ -33,11 +33,11 @@ def test_one_that_hardly_helps_is_not_sent() -> None:
 
 def test_a_motion_is_followed_up_to_harmonics_of_what_is_wanted() -> None:
     sine = {"kind": "sine", "mean_n": 1.0, "amplitude_n": 0.4, "duration_s": 8.0}
-    assert motion_cutoff(wanted_force({**sine, "frequency_hz": 0.3})) == 3.0
+    assert motion_cutoff(wanted_force({**sine, "frequency_hz": 0.3})) == 5.0
     assert motion_cutoff(wanted_force({**sine, "frequency_hz": 3.0})) == 8.0
-    swing = smooth(np.sin(2.0 * np.pi * 5.5 * TIME), 3.0)  # of a soft cable
+    swing = smooth(np.sin(2.0 * np.pi * 9.2 * TIME), 5.0)  # of a soft cable
     assert np.abs(swing[500:1500]).max() < 0.01
-    asked = smooth(np.sin(2.0 * np.pi * 0.5 * TIME), 3.0)
+    asked = smooth(np.sin(2.0 * np.pi * 0.5 * TIME), 5.0)
     assert asked[500:1500] == pytest.approx(np.sin(2.0 * np.pi * 0.5 * TIME)[500:1500], abs=2e-3)
 
 

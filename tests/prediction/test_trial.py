@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from fingerlab.acquisition.protocols.force_trial import furthest_position_deg
+from fingerlab.acquisition.protocols.force_trial import Practice, best_practices, furthest_position_deg
 from fingerlab.cli.main import cli
 from fingerlab.core.errors import UserError
 from fingerlab.models.file import load_model
 from fingerlab.prediction.extended import extended_model
-from fingerlab.prediction.feed_forward import first_plan
+from fingerlab.prediction.feed_forward import first_plan, mean_plan
 from fingerlab.prediction.inverse import TorquePlan, needed_torque
 from fingerlab.prediction.target import pose_of_run, wanted_force
 from fingerlab.prediction.trial import Trial, analyse_trial
@@ -115,6 +115,17 @@ def test_a_session_that_is_no_trial_is_one_sentence() -> None:
         analyse_trial(Session(Path("plain.h5"), "", "", rig, (), {}))
 
 
+def test_what_is_sent_is_the_mean_of_the_practices_that_missed_least() -> None:
+    """A tip that slid at another moment spoils one practice; a constant is trimmed and does not count."""
+    time = np.arange(2000) / 250.0
+    run = Run.from_arrays({"endpoint_force": wanted(time)}, name="1", phase="contact", cable="flexion")
+    wave = math.sqrt(2.0) * np.sin(np.pi * time)
+    practices = [Practice(run, 0.0, rms * wave + constant) for rms, constant in
+                 [(0.0061, 0.0), (0.005, 0.2), (0.0064, 0.0), (0.009, 0.0)]]  # fmt: skip
+    assert best_practices(practices) == practices[:2]
+    assert best_practices(practices)[1].missed == pytest.approx(0.005, rel=1e-3)
+
+
 BENCH = ("--effect", EFFECT, "--seed", str(SEED))
 
 
@@ -171,6 +182,9 @@ def _first_torque_is_the_lesser(model: Path, session: Session) -> None:
         most(needed_torque(wish, one, pose, session.rig, "M.json")) for one in (pair.nominal, pair.extended)
     )
     assert abs(found / nominal - 1.0) > 0.02
+    plan = needed_torque(wish, pair.extended, pose, session.rig, "M.json")
+    half = mean_plan([plan, replace(plan, torque=0.5 * plan.torque)], session.rig)
+    assert half.torque == pytest.approx(0.75 * plan.torque)
     for both in (pair, replace(pair, nominal=pair.extended, extended=pair.nominal)):
         assert most(first_plan(wish, both, pose, session.rig, "M.json")) == pytest.approx(min(nominal, found))
 

@@ -5,9 +5,9 @@
 3. Each model's torque along the motion that was measured in 2, once more as practice: from now on its torque
    is found along its own motion, less the constant by which it pressed too hard.
 4. The same a few times more: a tip that slides may do so at another moment under another torque, so that
-   the next torque need not be the better one. Each model keeps that of its best practice, which also tells
-   what is left of the constant, and how far the found torque is to be gone, as far as it misses less than the
-   nominal one.
+   the next torque need not be the better one. Each model keeps the mean of those that missed least, which
+   also tell what is left of the constant, and how far the found torque is to be gone, as far as it misses
+   less than the nominal one.
 5. The runs that count: with two models in pairs, the order within each pair drawn by a seed.
 
 What is worked out between runs is worked out with the amplifier off. It ends on the first doubt: a torque
@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -44,6 +44,7 @@ from fingerlab.prediction.feed_forward import (
     first_plan,
     judged_feed,
     learned_plan,
+    mean_plan,
     own_error,
     predicted_mean,
     refuse_far,
@@ -78,6 +79,9 @@ contact (assumed: the thesis' bench had a quarter)."""
 PRACTICES = 4
 """Of each model (assumed: from the second on the torque is found along its own motion; sheath and tip that
 slide by turns need two or three more to come to rest, or do not)."""
+ALIKE = 1.25
+"""Practices that miss the force by up to so many times the least are taken together (assumed: more than runs
+of one torque differ by, less than a tip that has slid at another moment makes)."""
 MOST_TRIM = 0.5
 """Share of the mean wanted force by which each model's own practice may shift its torque's aim (assumed: a
 tip that sticks keeps the side force with which it was set down, up to its friction times the force, and no
@@ -85,8 +89,8 @@ model knows it; 0.36 was seen. A quarter left constants in either model's error 
 TRIM_SHARES = (1.0, 0.75, 0.5, 0.25, 0.0)
 """Of a trim: the first that can be sent is."""
 WORSE = 2.0
-"""By so many times a found model's practice may miss the force more than the nominal one's, before it is
-doubted (assumed: by chance a good model does not)."""
+"""By so many times a found model's practice may miss the force more than the nominal one's worst, before it
+is doubted (assumed: by chance a good model does not)."""
 
 
 def furthest_position_deg(
@@ -146,6 +150,12 @@ class Practice:
     def missed(self) -> float:
         """N rms, less a constant, which is trimmed away."""
         return float(np.std(self.error))
+
+
+def best_practices(practices: Sequence[Practice]) -> list[Practice]:
+    """Those that missed the force about as little as the best, ``ALIKE``."""
+    least = min(practice.missed for practice in practices)
+    return [practice for practice in practices if practice.missed <= ALIKE * least]
 
 
 @dataclass
@@ -310,25 +320,36 @@ class ForceTrial:
         return learn
 
     def _settled(self, name: str) -> Callable[[Run], None]:
-        """Of its last: which was best, what is left of its constant, how far the found torque goes."""
+        """Of its last: what is sent, the mean of what practised well, and how far the found torque goes."""
 
         def settle(run: Run) -> None:
             self._look_at(run)
             self._doubt(name, run)
-            best = self._best(name)
-            self._motions[name] = best.along
-            self._trims[name] = self._bound(best.trim - float(best.error.mean()))
-            plan = self._learn(name, best.along)
+            plan = self._mean_of_best(name)
             if name == FOUND:
-                self._share = best_share(self._best(NOMINAL).error, best.error)
+                self._share = best_share(self._best_error(NOMINAL), self._best_error(FOUND))
                 plan = self._kept(between(self._plans[NOMINAL], plan, self._share, self.rig))
-            self._judge(name, plan, best.along)
+            self._judge(name, plan, self._motions[name])
             self._plans[name] = plan
 
         return settle
 
-    def _best(self, name: str) -> Practice:
-        return min(self._practised[name], key=lambda practice: practice.missed)
+    def _mean_of_best(self, name: str) -> TorquePlan:
+        """The mean torque of a model's best practices, trimmed by what each still missed."""
+        plans, trims = [], []
+        for practice in best_practices(self._practised[name]):
+            self._trims[name] = self._bound(practice.trim - float(practice.error.mean()))
+            self._motions[name] = practice.along
+            plans.append(self._learn(name, practice.along))
+            trims.append(self._trims[name])
+        self._trims[name] = float(np.mean(trims))
+        return self._kept(mean_plan(plans, self.rig))
+
+    def _best_error(self, name: str) -> Array:
+        """Force error that a model's best practices have in common, N, (n,)."""
+        errors = [practice.error for practice in best_practices(self._practised[name])]
+        length = min(map(len, errors))
+        return np.asarray(np.mean([error[:length] for error in errors], axis=0))
 
     def _bound(self, trim: float) -> float:
         most = MOST_TRIM * float(self.wanted.force.mean())
@@ -379,11 +400,10 @@ class ForceTrial:
 
     def _doubt(self, name: str, run: Run) -> None:
         """Keep a practice; raises UserError where the found model's was far worse than the nominal one's."""
-        practice = Practice(
-            self._motions[name], self._trims.get(name, 0.0), force_error(run, self.wanted).error
-        )
+        error = force_error(run, self.wanted).error
+        practice = Practice(self._motions[name], self._trims.get(name, 0.0), error)
         self._practised.setdefault(name, []).append(practice)
-        nominal, found = self._practised[NOMINAL][-1].missed, practice.missed
+        nominal, found = max(one.missed for one in self._practised[NOMINAL]), practice.missed
         if name == FOUND and found > WORSE * np.fmax(nominal, own_error(self.model)):
             raise UserError(
                 f"With the found model the force is missed by {1e3 * found:.0f} mN, with the nominal one by "
