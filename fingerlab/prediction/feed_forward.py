@@ -40,7 +40,7 @@ NOMINAL, FOUND = "nominal", "found"
 CUTOFF_HZ, TAPS = 8.0, 75
 """Low-pass of a learned torque, at the wide rate; the cutoff is the one of the equations that it comes from,
 and what the angle sensors' noise makes of the springs' torque stays out of the motor."""
-SLOWEST_HZ, HARMONICS, MOST_OF_IT = 5.0, 10.0, 0.99
+SLOWEST_HZ, HARMONICS, MOST_OF_IT = 5.0, 8.0, 0.99
 """A measured motion is followed up to so many times the frequency below which that share of the power of the
 wanted force lies, and up to ``SLOWEST_HZ`` in any case (assumed: the corners where a tip begins to slide are
 in it, with 5 harmonics they are not; a soft cable's swing mostly is not)."""
