@@ -5,6 +5,8 @@ import numpy as np
 from fingerlab.effects.base import (
     BESIDE_A_FINGER,
     BOTH_JOINTS,
+    FINGER_SPEEDS,
+    REVERSAL_SPEED,
     Effect,
     Example,
     Formula,
@@ -56,8 +58,8 @@ EFFECT = Effect(
     mend="Have gearbox and brushes looked after, or let the motor's command add the friction of "
     "either direction.",
     shapes=WINDING_SHAPES,
-    shape_units={"travel_deg": "deg"},
-    closer=rubbing(),
+    shape_units={"travel_deg": "deg", REVERSAL_SPEED: "rad/s"},
+    closer=rubbing(speeds=FINGER_SPEEDS),
     bench=BESIDE_A_FINGER,
     formula=Formula(
         equation=r"\tau_m = C\,z(\theta_m;\delta) + D",

@@ -382,10 +382,16 @@ def either(name: str, values: Sequence[float]) -> Closer:
 
 REVERSAL_SPEED = "reversal_speed"
 """Number of a shape, rad/s: friction goes by the speed, as its hyperbolic tangent over this, and nothing
-sticks. So does the friction of many simulators, and of a film of grease; tried for a motor alone."""
+sticks. So does the friction of many simulators, and of a film of grease. On the grid of a motor alone, and
+between the points of a finger's."""
 REVERSAL_SPEEDS = (0.01, 0.025, 0.06, 0.15, 0.4)
+FINGER_SPEEDS = (0.012, 0.03, 0.08)
+"""The same beside a finger, each looked at to 1.6 times as much: from above the noise of a joint's speed (of
+0.05 degrees below 8 Hz) to a tenth of the thesis' motions; assumed."""
+FINGER_TRAVELS_DEG = (0.12, 0.3)
+"""Where friction found by the speed is looked for by the travel again; usual for joints and motor."""
 ALONE = "alone"
-"""Switch of a shape: friction of a motor alone, that may go by the travel or by the speed."""
+"""Switch of a shape: friction of a motor alone, whose grid holds laws of the travel and of the speed."""
 ALONE_TRAVELS_DEG = tuple(0.05 * 2.0 ** (k / 2) for k in range(9))
 """Of a motor that winds up no cable: from rigid to the wind-up of a gearbox; assumed."""
 
@@ -394,12 +400,16 @@ def rubbing(
     factors: Sequence[float] = HALF_OCTAVE,
     sharpnesses: Sequence[float] = SHARPNESSES,
     speed_factors: Sequence[float] = FINEST_OCTAVE,
+    speeds: Sequence[float] = (),
 ) -> Closer:
     """Friction that builds up over other travels and along other virgin curves.
 
     A sharper curve, 1 - (1 - x / (p d))^p with its p nearer to 1, lacks less work behind every reversal:
     d p / (1 + p). At the same lack it is softer at first, by 1 + 1/p. What goes by the speed is tried over
     other speeds.
+
+    Args:
+        speeds: over which friction beside a finger is tried by the speed, rad/s; without, it is not.
     """
 
     def around(shape: Shape) -> Sequence[Shape]:
@@ -417,25 +427,28 @@ def rubbing(
             one for one in _other_travels(shape, sharpnesses)
             if not min(travels) <= one["travel_deg"] <= max(travels)
         ]  # fmt: skip
-        return [*near, *far, *_other_speeds(shape)]
+        return [*near, *far, *_other_speeds(shape, REVERSAL_SPEEDS if shape.get(ALONE) else speeds)]
 
     return around
 
 
 def _other_travels(shape: Shape, sharpnesses: Sequence[float]) -> list[Shape]:
-    """Of a motor alone: beside other effects another travel may be right, or travel in place of speed."""
+    """Beside other effects another travel may be right for a motor alone, or travel in place of speed."""
     rest = {name: value for name, value in shape.items() if name != REVERSAL_SPEED}
+    if not shape.get(ALONE):
+        travels = FINGER_TRAVELS_DEG if REVERSAL_SPEED in shape else ()
+        return [{**rest, "travel_deg": travel} for travel in travels]
     return [
         {**rest, "travel_deg": travel * (1.0 + sharpness), "sharpness": sharpness}
         for sharpness in sharpnesses
-        for travel in (ALONE_TRAVELS_DEG if shape.get(ALONE) else ())
+        for travel in ALONE_TRAVELS_DEG
     ]
 
 
-def _other_speeds(shape: Shape) -> list[Shape]:
-    """Of a motor alone: the same friction by the speed."""
+def _other_speeds(shape: Shape, speeds: Sequence[float]) -> list[Shape]:
+    """The same friction by the speed."""
     rest = {name: value for name, value in shape.items() if name not in ("travel_deg", "sharpness")}
-    return [{**rest, REVERSAL_SPEED: speed} for speed in (REVERSAL_SPEEDS if shape.get(ALONE) else ())]
+    return [{**rest, REVERSAL_SPEED: speed} for speed in speeds]
 
 
 def every(*closer: Closer) -> Closer:

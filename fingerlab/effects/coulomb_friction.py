@@ -2,7 +2,17 @@
 
 import numpy as np
 
-from fingerlab.effects.base import Effect, Example, Formula, Row, Shape, Term, rubbing
+from fingerlab.effects.base import (
+    FINGER_SPEEDS,
+    REVERSAL_SPEED,
+    Effect,
+    Example,
+    Formula,
+    Row,
+    Shape,
+    Term,
+    rubbing,
+)
 from fingerlab.effects.joints import COULOMB, JOINT_TRAVELS_DEG, both, friction_of_joints, joint_terms
 from fingerlab.physics.motion import Motion
 
@@ -24,8 +34,8 @@ EFFECT = Effect(
     reveal="slow sines with full reversals",
     mend="Polish or exchange the hinge pins; a larger motion makes its share smaller.",
     shapes=tuple({"travel_deg": travel} for travel in JOINT_TRAVELS_DEG),
-    shape_units={"travel_deg": "deg"},
-    closer=rubbing(),
+    shape_units={"travel_deg": "deg", REVERSAL_SPEED: "rad/s"},
+    closer=rubbing(speeds=FINGER_SPEEDS),
     followed={"coulomb_mcp": "MCP friction, Coulomb", "coulomb_pip": "PIP friction, Coulomb"},
     formula=Formula(
         equation=r"\tau_j = C_j\,z(\theta_j;\delta)",

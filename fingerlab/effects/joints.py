@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fingerlab.effects.base import Row, Shape, Term
+from fingerlab.effects.base import REVERSAL_SPEED, Row, Shape, Term
 from fingerlab.physics import nominal
 from fingerlab.physics.friction_states import friction_state, slip_states, with_grid
 from fingerlab.physics.motion import Motion, tip_reach, while_pressed
@@ -37,7 +37,11 @@ def both(name: str, gain: Parameter) -> dict[str, Parameter]:
 
 
 def friction_of_joints(motion: Motion, shape: Shape) -> tuple[Array, Array]:
+    """Direction in which each joint rubs, in [-1, 1], (n,): by its travel, or by its speed."""
     _, joints = motion.finger_and_joints
+    if REVERSAL_SPEED in shape:
+        width = shape[REVERSAL_SPEED]
+        return np.tanh(joints.mcp_velocity / width), np.tanh(joints.pip_velocity / width)
     return _state(motion, "mcp", joints.mcp, shape), _state(motion, "pip", joints.pip, shape)
 
 

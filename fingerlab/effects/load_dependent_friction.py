@@ -2,7 +2,18 @@
 
 import numpy as np
 
-from fingerlab.effects.base import OCTAVE, REVERSAL_SPEED, Effect, Example, Formula, Row, Shape, Term, rubbing
+from fingerlab.effects.base import (
+    FINGER_SPEEDS,
+    OCTAVE,
+    REVERSAL_SPEED,
+    Effect,
+    Example,
+    Formula,
+    Row,
+    Shape,
+    Term,
+    rubbing,
+)
 from fingerlab.effects.transmission import WINDING_TRAVELS_DEG, drive_state, drive_terms
 from fingerlab.physics.friction_states import friction_state, rubbing_forces
 from fingerlab.physics.motion import Motion
@@ -65,7 +76,7 @@ def _closer(shape: Shape) -> list[Shape]:
         others = [{**following, "travel_deg": t, "sharpness": 0.0} for t in WINDING_TRAVELS_DEG]
         return [*rubbing(OCTAVE[1:-1])(held), *others]
     others = [{**held, "travel_deg": t, "sharpness": 1.0} for t in HELD_TRAVELS_DEG]
-    return [*rubbing()(following), *others]
+    return [*rubbing(speeds=FINGER_SPEEDS)(following), *others]
 
 
 EFFECT = Effect(

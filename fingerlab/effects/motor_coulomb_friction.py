@@ -3,6 +3,7 @@
 from fingerlab.effects.base import (
     ALONE,
     BOTH_JOINTS,
+    FINGER_SPEEDS,
     REVERSAL_SPEED,
     Effect,
     Example,
@@ -29,7 +30,7 @@ EFFECT = Effect(
     shape_units={"travel_deg": "deg", REVERSAL_SPEED: "rad/s"},
     shapes_seen=lambda motions: MOTOR_ALONE_SHAPES,
     switches_seen=(ALONE,),
-    closer=rubbing(),
+    closer=rubbing(speeds=FINGER_SPEEDS),
     bench=True,
     followed={"coulomb": "Motor friction, Coulomb"},
     formula=Formula(

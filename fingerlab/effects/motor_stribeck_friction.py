@@ -9,6 +9,7 @@ import numpy as np
 from fingerlab.effects.base import (
     ALONE,
     BOTH_JOINTS,
+    FINGER_SPEEDS,
     OCTAVE,
     REVERSAL_SPEED,
     SPEED_FACTORS,
@@ -73,7 +74,9 @@ EFFECT = Effect(
     shapes_seen=_seen,
     switches_seen=(ALONE,),
     closer=every(
-        _with_travel, times("stribeck_speed", SPEED_FACTORS), rubbing(OCTAVE[1:-1], (0.0, 1.0), OCTAVE)
+        _with_travel,
+        times("stribeck_speed", SPEED_FACTORS),
+        rubbing(OCTAVE[1:-1], (0.0, 1.0), OCTAVE, FINGER_SPEEDS),
     ),
     bench=True,
     formula=Formula(

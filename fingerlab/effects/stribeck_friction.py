@@ -6,6 +6,9 @@ from dataclasses import replace
 import numpy as np
 
 from fingerlab.effects.base import (
+    FINGER_SPEEDS,
+    OCTAVE,
+    REVERSAL_SPEED,
     SPEED_FACTORS,
     Effect,
     Example,
@@ -60,8 +63,11 @@ EFFECT = Effect(
         )
         for travel in travels
     ),
-    shape_units={"stribeck_speed": "rad/s", "travel_deg": "deg"},
-    closer=every(times("stribeck_speed", SPEED_FACTORS), rubbing(sharpnesses=(0.0, 1.0))),
+    shape_units={"stribeck_speed": "rad/s", "travel_deg": "deg", REVERSAL_SPEED: "rad/s"},
+    closer=every(
+        times("stribeck_speed", SPEED_FACTORS),
+        rubbing(sharpnesses=(0.0, 1.0), speed_factors=OCTAVE, speeds=FINGER_SPEEDS),
+    ),
     formula=Formula(
         equation=r"\tau_j = z(\theta_j;\delta)\left(C_j + E_j\,e^{-(\dot\theta_j/v_s)^2}\right)",
         symbols=(

@@ -37,6 +37,7 @@ DRIVE = {
     "drive_viscous": ("motor_viscous_friction.viscous",),
     "drive_travel_deg": (of_shape("motor_coulomb_friction", "travel_deg"),),
     "drive_sharpness": (of_shape("motor_coulomb_friction", "sharpness"),),
+    "drive_reversal_speed": (of_shape("motor_coulomb_friction", REVERSAL_SPEED),),
     "drive_order": (of_shape("torque_ripple", "order"),),
     "drive_sine": ("torque_ripple.sine",),
     "drive_cosine": ("torque_ripple.cosine",),
@@ -44,8 +45,9 @@ DRIVE = {
     "drive_double_cosine": ("torque_ripple.double_cosine",),
 }
 """Numbers of a shape that tell what motor and gearbox keep for themselves, and the unknowns or shapes that
-they are: inertia beyond the rig file's (kg m^2), friction (N m) and the travel over which it turns round,
-viscous friction (N m s/rad), and a torque that repeats with the motor's angle (N m), with its double."""
+they are: inertia beyond the rig file's (kg m^2), friction (N m) and the travel, or speed, over which it turns
+round, viscous friction (N m s/rad), and a torque that repeats with the motor's angle (N m), with its
+double."""
 
 
 def driven_tension(motion: Motion, shape: Shape) -> Array:
@@ -58,9 +60,8 @@ def driven_tension(motion: Motion, shape: Shape) -> Array:
         if kept["drive_viscous"]:
             found = found - (kept["drive_viscous"] / motion.radius) * motion.velocity
         if kept["drive_coulomb"]:
-            state = winding_state(
-                motion, kept["drive_travel_deg"] or USUAL_STICKING_DEG, kept["drive_sharpness"]
-            )
+            law = {name: kept[f"drive_{name}"] for name in ("travel_deg", "sharpness", REVERSAL_SPEED)}
+            state = drive_state(motion, {name: number for name, number in law.items() if number})
             found = found - (kept["drive_coulomb"] / motion.radius) * state
         for times, name in ((1, ""), (2, "double_")):
             size = complex(kept[f"drive_{name}cosine"], -kept[f"drive_{name}sine"])
@@ -178,9 +179,6 @@ def turning_with(motion: Motion, order: float) -> Any:
 def coulomb_terms(motion: Motion, shape: Shape) -> list[Term]:
     if motion.finger is None:
         return drive_terms(motion, "coulomb", drive_state(motion, shape))
-    travel, sharpness = shape["travel_deg"], shape.get("sharpness", 0.0)
-    key = ("coulomb pull", travel, sharpness)  # one signal for Coulomb and Stribeck friction
-    return pull_terms(
-        "coulomb",
-        motion.remember(key, lambda: winding_state(motion, travel, sharpness) / motion.radius),
-    )
+    law = {name: shape[name] for name in ("travel_deg", "sharpness", REVERSAL_SPEED) if name in shape}
+    key = ("coulomb pull", *law.items())  # one signal for Coulomb and Stribeck friction
+    return pull_terms("coulomb", motion.remember(key, lambda: drive_state(motion, law) / motion.radius))

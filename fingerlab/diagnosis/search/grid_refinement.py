@@ -321,16 +321,18 @@ def break_ties(
     weights: Weights,
     watch: Watch,
     least: float = -SET_LOG_ODDS,
+    also: frozenset[str] = frozenset(),
 ) -> Evidence:
     """The evidence with the odds of effects that are alike on their grids as refined shapes give them.
 
     Args:
         weights: from which effects without other shapes are reweighted. least: log odds of what is alike.
+        also: nonlinear unknowns; effects that may go by one of them are looked at in any case.
 
     Raises:
         Cancelled: the user asked for it.
     """
-    tied = ties_to_refine(evidence, least)
+    tied = ties_to_refine(evidence, least, also)
     if not tied:
         return evidence
     refined: list[tuple[Scorer, FittedModel]] = []
@@ -350,13 +352,17 @@ def break_ties(
     return with_refined_odds(evidence, tied, scored)
 
 
-def ties_to_refine(evidence: Evidence, least: float = -SET_LOG_ODDS) -> list[int]:
+def ties_to_refine(
+    evidence: Evidence, least: float = -SET_LOG_ODDS, also: frozenset[str] = frozenset()
+) -> list[int]:
     """Indices of the likeliest candidates that are alike; none where refined shapes cannot tell them apart.
 
     So where one is alone, where the best leaves no more than every model does, or where no shape of any is
     left to look at.
     """
     tied = alike(evidence, least)[:MOST_RIVALS]
+    others = [i for i, one in enumerate(evidence.candidates) if also & one.last_effect.shape_units.keys()]
+    tied += [i for i in others if i not in tied]
     alone = len(tied) < 2 or evidence.least_left <= USUAL_LEFT
     return [] if alone or not any(can_refine(evidence.candidates[i].choices) for i in tied) else tied
 

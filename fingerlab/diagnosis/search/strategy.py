@@ -135,6 +135,15 @@ class FirstStep:
     refined: RefinedPath | None
 
     @property
+    def beyond_grid(self) -> frozenset[str]:
+        """Nonlinear unknowns by which the effect goes between the points of its grid, and not on them.
+
+        Of others that may go by them, too, the grids say little.
+        """
+        found, on_grid = self.end.choices[-1], self.path[-1].choices[-1]
+        return found.effect.law_at(found.shape) - on_grid.effect.law_at(on_grid.shape)
+
+    @property
     def end(self) -> FittedModel:
         """The model it leads to, as closely as it was looked at."""
         return (self.path if self.refined is None else self.refined.path)[-1]
@@ -267,7 +276,8 @@ def _first_step(question: Question, scorer: Scorer, evidence: Evidence) -> tuple
     if not worth_a_further_effect(first.end):
         return evidence, first
     watch = question.stages.part(0.75, 0.77)
-    resolved = break_ties(question.reduction, scorer, evidence, path[-1].weights, watch, GRID_LOG_ODDS)
+    weights, beyond = path[-1].weights, first.beyond_grid
+    resolved = break_ties(question.reduction, scorer, evidence, weights, watch, GRID_LOG_ODDS, beyond)
     if resolved.best is evidence.best:
         return resolved, first
     return resolved, _refined_first(question, [resolved.base, resolved.best])
@@ -313,8 +323,8 @@ def _path(
         path = forward_selection(scorer, evidence, effects, len(question.given), watch)
     if evidence.verdict != Verdict.MISSING_EFFECT or len(path) != 2:
         return evidence, path
-    watch = question.stages.part(0.88, 0.9)
-    resolved = break_ties(question.reduction, scorer, evidence, path[-1].weights, watch)
+    watch, beyond = question.stages.part(0.88, 0.9), first.beyond_grid
+    resolved = break_ties(question.reduction, scorer, evidence, path[-1].weights, watch, also=beyond)
     if resolved.best is evidence.best:
         return resolved, path
     return resolved, [resolved.base, resolved.best]
