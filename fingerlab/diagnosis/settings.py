@@ -589,6 +589,9 @@ LOOKING_ITERATIONS = 3
 SHAPE_PASSES = 2
 """Times that the shapes of several effects are gone through, each given the others', and times that all are
 refined where one takes a number from what is fitted."""
+OFF_GRID_PASSES = 5
+"""Times at most that shapes are refined around a law that no grid holds, each around the last one's: from the
+speeds at which friction is looked for first to any that is plausible; assumed."""
 SHAPE_ROUNDS = 2
 """Times that one effect's shape is looked for: the weights that come with the best may prefer another one."""
 FOLLOWING_ROUNDS = 8

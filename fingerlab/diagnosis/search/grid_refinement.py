@@ -33,6 +33,7 @@ from fingerlab.diagnosis.settings import (
     LONGEST_PATH,
     LOOKING_ITERATIONS,
     MOST_RIVALS,
+    OFF_GRID_PASSES,
     SAME_SHAPE,
     SET_LOG_ODDS,
     SHAPE_PASSES,
@@ -97,13 +98,14 @@ def refine_grid(
     """The effects at the best of the shapes around those found, under their own model's weights.
 
     Where a shape takes numbers from what is fitted, it is fitted again until they stand, and if they have
-    moved, or another law was better, the shapes are looked at once more.
+    moved, or another law was better, the shapes are looked at once more; around a law that no grid holds, for
+    as long as a better one is found.
 
     Raises:
         Cancelled: the user asked for it.
     """
     choices = _with_dependent_shapes(found)
-    for _ in range(SHAPE_PASSES):
+    for passed in range(1, OFF_GRID_PASSES + 1):
         finer = [_finer(c) for c in choices]
         places = [_place(e.shapes, c.effect.shapes[c.shape]) for e, c in zip(finer, choices, strict=True)]
         scorer = Scorer(reduction.refined(finer, watch))
@@ -119,10 +121,19 @@ def refine_grid(
             fitted = scorer.fit([Choice(e) for e in given], fitted, FULL_ITERATIONS)
         if fitted is not of_shapes:
             fitted = scorer.fit_reweighted(fitted.choices, fitted)
-        elif not any(map(_is_another_law, fitted.choices, began)):
+        moved = fitted is not of_shapes or any(map(_is_another_law, fitted.choices, began))
+        off_grid = any(map(_is_beyond_grid, fitted.choices, found.choices))
+        again = passed < SHAPE_PASSES and moved
+        if not again and not (off_grid and [c.shape for c in fitted.choices] != places):
             break
         choices = _with_dependent_shapes(fitted)
     return scorer, fitted
+
+
+def _is_beyond_grid(one: Choice, found: Choice) -> bool:
+    """Whether a choice goes by a law that no point of the grid has from which it was found."""
+    grid = found.effect
+    return one.effect.law_at(one.shape) not in {grid.law_at(i) for i in range(len(grid.shapes))}
 
 
 def _is_another_law(one: Choice, other: Choice) -> bool:
