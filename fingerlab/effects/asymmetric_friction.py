@@ -66,12 +66,12 @@ EFFECT = Effect(
         symbols=(
             "C: mean of the friction in either direction. D: half of what it is more winding in than "
             "paying out; a friction that sticks has no zero between its two sizes, so that D is "
-            "there at all times."
+            "there at all times. z goes by the travel δ, or by the speed, as its hyperbolic tangent over v_r."
         ),
         source=(
             "Coulomb friction with an offset, as in the EMPS benchmark (Janot, Gautier and Brunot 2019)."
         ),
-        values={"coulomb": "C", "difference": "D", "travel_deg": r"\delta"},
+        values={"coulomb": "C", "difference": "D", "travel_deg": r"\delta", REVERSAL_SPEED: "v_r"},
         alike=("motor_coulomb_friction",),
     ),
     example=Example(

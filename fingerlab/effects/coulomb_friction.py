@@ -41,13 +41,14 @@ EFFECT = Effect(
         equation=r"\tau_j = C_j\,z(\theta_j;\delta)",
         symbols=(
             "C_j: friction torque. z: friction state between −1 and 1; after a reversal it runs to "
-            'the other side over the travel δ (theory, "Friction that sticks").'
+            'the other side over the travel δ (theory, "Friction that sticks"); or it goes by the speed, as '
+            "its hyperbolic tangent over v_r. Both are tried."
         ),
         source=(
             "Coulomb 1785 (Olsson et al. 1998); how it builds up after a reversal: Al-Bender, "
             "Lampaert and Swevers 2005."
         ),
-        values={"coulomb_mcp": "C_1", "coulomb_pip": "C_2", "travel_deg": r"\delta"},
+        values={"coulomb_mcp": "C_1", "coulomb_pip": "C_2", "travel_deg": r"\delta", REVERSAL_SPEED: "v_r"},
         alike=("stribeck_friction", "presliding_hysteresis", "motor_coulomb_friction", "capstan_friction"),
     ),
     example=Example(

@@ -119,8 +119,8 @@ EFFECT = Effect(
             '"Friction that sticks") whose limit is the load of the moment: a slider that slides '
             "holds the load's size against the motion, one that sticks keeps its force when the load "
             "rises, or has its share of the load of the moment; both are tried. δ: travel, where what "
-            "sticks is held at a load of 0.1 N m. v_r: speed over which it turns round, of a motor alone "
-            "that rubs by the speed."
+            "sticks is held at a load of 0.1 N m. v_r: speed over which it turns round, where it "
+            "rubs by the speed."
         ),
         source="Friction that grows with the load of a gear (Duclusaud et al. 2024).",
         values={"share": r"\mu", "travel_deg": r"\delta", REVERSAL_SPEED: "v_r"},

@@ -36,8 +36,8 @@ EFFECT = Effect(
     formula=Formula(
         equation=r"\tau_m = C\,z(\theta_m;\delta)",
         symbols=(
-            "C: friction torque at the gearbox output. z: friction state of the travel, −1 to 1; of a motor "
-            "alone also the hyperbolic tangent of the speed over v_r."
+            "C: friction torque at the gearbox output. z: friction state of the travel, −1 to 1, or the "
+            "hyperbolic tangent of the speed over v_r; both are tried."
         ),
         source="Coulomb 1785 (Olsson et al. 1998), at the gearbox output.",
         values={"coulomb": "C", "travel_deg": r"\delta", REVERSAL_SPEED: "v_r"},

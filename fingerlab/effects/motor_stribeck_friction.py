@@ -83,8 +83,8 @@ EFFECT = Effect(
         equation=r"\tau_m = z(\theta_m;\delta)\left(C + E\,e^{-(\dot\theta_m/v_s)^2}\right)",
         symbols=(
             "C: friction torque at speed. E: what is added near zero speed. v_s: Stribeck speed. z: "
-            "friction state, with δ = 0.3 degrees; of a motor alone also the hyperbolic tangent of the "
-            "speed over v_r."
+            "friction state, with δ = 0.3 degrees, or the hyperbolic tangent of the speed over v_r; both "
+            "are tried."
         ),
         source="Stribeck 1902, with the exponential of the squared speed (Olsson et al. 1998).",
         values={"coulomb": "C", "extra": "E", "stribeck_speed": "v_s", REVERSAL_SPEED: "v_r"},

@@ -72,7 +72,8 @@ EFFECT = Effect(
         equation=r"\tau_j = z(\theta_j;\delta)\left(C_j + E_j\,e^{-(\dot\theta_j/v_s)^2}\right)",
         symbols=(
             "C_j: friction torque at speed. E_j: what is added near zero speed. v_s: Stribeck speed. "
-            "z: friction state that builds up over the travel δ."
+            "z: friction state that builds up over the travel δ, or the hyperbolic tangent of the speed over "
+            "v_r; both are tried."
         ),
         source="Stribeck 1902, with the exponential of the squared speed (Olsson et al. 1998).",
         values={
@@ -82,6 +83,7 @@ EFFECT = Effect(
             "extra_pip": "E_2",
             "stribeck_speed": "v_s",
             "travel_deg": r"\delta",
+            REVERSAL_SPEED: "v_r",
         },
         alike=("coulomb_friction", "presliding_hysteresis", "motor_stribeck_friction"),
     ),

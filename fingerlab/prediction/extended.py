@@ -186,9 +186,11 @@ def _effect(name: str, shape: Mapping[str, float], where: str) -> ChosenEffect:
             "let its file in first ('fingerlab effects' tells how), else use the program that wrote the file."
         )
     tried = [s for point in found.shapes for s in (point, *found.closer(point))]
-    wanted = set() if found.shapes_seen is not None else set(found.shape_units)
+    # Its nonlinear unknowns are those of a point of the grid, or of one around it: friction has several laws.
+    laws = {frozenset(found.shape_units.keys() & s.keys()) for s in tried}
+    whole = found.shapes_seen is not None or found.shape_units.keys() & shape.keys() in laws
     known = {*found.follows, *found.switches_seen, *found.shape_units, *(key for s in tried for key in s)}
-    if not wanted <= set(shape) <= known:
+    if not (whole and set(shape) <= known):
         raise UserError(
             f"{where} gives '{name}' the shape {sorted(shape)}, but that effect here has "
             f"{sorted(known) or 'none'}; save the model again with 'fingerlab diagnose --save'."

@@ -88,8 +88,8 @@ def test_every_number_has_a_unit_a_range_and_a_source(name: str) -> None:
         assert 0 < gain.typical <= max(abs(gain.low), gain.high), key
         assert gain.source
         assert gain.title or not one.gains, key
-    # What only recordings suggest, no point of the catalogue's grid need name.
-    usual = set(one.shape_units) if one.shapes_seen is None else set(one.shape_units) & set(one.shapes[0])
+    # What only recordings suggest, or grid refinement tries, no point of the catalogue's grid need name.
+    usual = set(one.shape_units) & set(one.shapes[0]) if one.shapes else set()
     for shape in one.shapes:
         assert usual <= set(shape)
         switches = set(shape) - set(one.shape_units)
