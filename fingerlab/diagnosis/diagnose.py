@@ -8,40 +8,38 @@ from concurrent.futures import Executor
 from functools import partial
 from typing import TYPE_CHECKING
 
-import numpy as np
 from threadpoolctl import threadpool_limits
 
 from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress
+from fingerlab.diagnosis.answer.bench_findings import bench_findings
 from fingerlab.diagnosis.answer.budget import error_budget
+from fingerlab.diagnosis.answer.candidates import (
+    Judged,
+    ToldModels,
+    candidates,
+    cannot_be_ruled_out,
+    every_parameter,
+    titles_in,
+)
 from fingerlab.diagnosis.answer.errors import equation_errors, excluded_times, held_out_runs, run_shares
 from fingerlab.diagnosis.answer.results import (
-    Candidate,
     Diagnosis,
-    Fingerprint,
     FirstLook,
     OtherModel,
     PairedDifference,
     PathStep,
 )
-from fingerlab.diagnosis.answer.wording import (
-    bench_findings,
-    every_parameter,
-    explanation,
-    parameters,
-    residual_offsets,
-    titles_in,
-)
 from fingerlab.diagnosis.equations.model import Choice, build
 from fingerlab.diagnosis.fit.data import Weights
 from fingerlab.diagnosis.gram.reduction import Reduction
+from fingerlab.diagnosis.gram.run_constants import residual_offsets
 from fingerlab.diagnosis.score.bench_constants import (
     likeliest_constants,
     settle_constants,
     zero_is_confounded,
 )
 from fingerlab.diagnosis.score.calibration import (
-    CalibratedAnswer,
     Verdict,
     calibrated,
     session_features,
@@ -49,15 +47,12 @@ from fingerlab.diagnosis.score.calibration import (
 from fingerlab.diagnosis.score.evidence import (
     Evidence,
     alike,
-    least_strength,
-    needed_fall,
     shares_of_rivals,
-    undetectable,
 )
 from fingerlab.diagnosis.score.fitted_model import FittedModel, at_found_shapes, paired_score
 from fingerlab.diagnosis.score.floors import noise_below_floor
 from fingerlab.diagnosis.score.scorer import Scorer
-from fingerlab.diagnosis.score.selection import justified, lacks_fit
+from fingerlab.diagnosis.score.selection import lacks_fit
 from fingerlab.diagnosis.search.exchange import ExchangedModel, odds_of_rivals
 from fingerlab.diagnosis.search.grid_refinement import fit_refined, with_other_laws, with_shapes_of
 from fingerlab.diagnosis.search.next_effect import at_edges, fitted_to_the_end
@@ -220,7 +215,7 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
     probabilities, calibration = calibrated(evidence.odds, verdict, *usual)
     probability = dict(zip(evidence.odds.answers, map(float, probabilities), strict=True))
     stuck = at_edges(scorer, evidence)
-    chosen = _cannot_be_ruled_out(evidence, calibration, probability)
+    chosen = cannot_be_ruled_out(evidence, calibration, probability)
     chosen += [i for i in stuck if i not in chosen]
     reduction, by_last = question.reduction, found.refined or scorer
 
@@ -232,14 +227,12 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
     closer = {name: one.scorer.with_sensitivity(one.steps[0]) for name, one in replacing.items()}
     if found.refined is not None and found.better is None:
         closer.setdefault(path[1].last_effect.id, found.refined.with_sensitivity(path[1]))
-    loose = sum(f.slack_samples for g in scorer.reduced.groups for f in g.folds)
+    loose = any(f.slack_samples for g in scorer.reduced.groups for f in g.folds)
     replaced = {name: (one.removed,) for name, one in replacing.items()}
     prints = curves.fingerprints if curves else {}
-    alone = len(reduction.runs) == 1
     reported = {**fitted_to_the_end(scorer, evidence), **closer}
-    candidates = _candidates(
-        evidence, probability, chosen, stuck, loose, prints, closer, reported, replaced, alone
-    )
+    judged = Judged(evidence, probability, chosen, stuck)
+    told = ToldModels(closer, reported, replaced)
     pairs = [(session, run) for (session, _), run in zip(reduction.runs, reduction.analysed, strict=True)]
     each_share, parts = run_shares(pairs, scorer.reduced, evidence.base)
     excluded, excluded_by_motion = excluded_times(reduction, scorer.reduced, evidence.base)
@@ -251,7 +244,7 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
         errors=errors,
         score=evidence.base.score,
         verdict=verdict,
-        candidates=candidates,
+        candidates=candidates(judged, told, prints, loose, len(reduction.runs) == 1),
         set=tuple(evidence.candidates[i].last_effect.id for i in chosen),
         path=steps,
         final_model=tuple(path[-1].effect_ids),
@@ -303,31 +296,6 @@ def _paired(
             )
         )  # fmt: skip
     return tuple(found)
-
-
-def _cannot_be_ruled_out(
-    evidence: Evidence, said: CalibratedAnswer, probability: Mapping[str, float]
-) -> list[int]:
-    """Indices of the effects that are left open, likeliest first; the verdict's own is among them.
-
-    Args:
-        probability: calibrated probability of every answer.
-    """
-    if evidence.verdict == Verdict.NOT_IN_CATALOGUE:
-        return []
-    names = [c.last_effect.id for c in evidence.candidates]
-    if evidence.verdict == Verdict.NOTHING_MISSING:
-        # Of the hidden ones 95 % would be most of the catalogue: those that could hide, and what is seen
-        # and nearly as likely as nothing.
-        near = float(np.exp(-SET_LOG_ODDS)) * probability[Verdict.NOTHING_MISSING]
-        hidden = undetectable(evidence)
-        seen = [i for i, name in enumerate(names) if probability[name] >= near and i not in hidden]
-        return sorted([*hidden, *seen], key=lambda i: -probability[names[i]])
-    index = {name: i for i, name in enumerate(names)}
-    chosen = [index[name] for name in said.cannot_be_ruled_out if name in index]
-    if evidence.verdict == Verdict.MISSING_EFFECT and not chosen:
-        chosen = [int(np.argmax(evidence.probabilities))]
-    return chosen
 
 
 def _path_steps(path: Sequence[FittedModel], better: ExchangedModel | None) -> tuple[PathStep, ...]:
@@ -390,56 +358,3 @@ def _next_run(
     return (propose if verdict == Verdict.MISSING_EFFECT else reveal)(
         sessions, scorer, evidence, chosen, usual
     )
-
-
-def _candidates(
-    evidence: Evidence,
-    probability: Mapping[str, float],
-    chosen: Sequence[int],
-    stuck: Sequence[int],
-    loose: int,
-    prints: Mapping[str, Fingerprint],
-    closer: Mapping[str, FittedModel],
-    reported: Mapping[str, FittedModel],
-    replaced: Mapping[str, tuple[str, ...]],
-    alone: bool,
-) -> tuple[Candidate, ...]:
-    """What is told of every effect.
-
-    Args:
-        chosen: indices of those that cannot be ruled out. stuck: of those at the edge of what is allowed.
-        closer: models with an effect's refined shape, or with it in place of a given one, by its id.
-        reported: models whose numbers are told in place of those that were judged, by the effect's id.
-        replaced: ids of the given effects in whose place an effect is, by its id.
-        alone: there is one run, so that none was held out.
-    """
-    result = []
-    posterior = [probability[c.last_effect.id] for c in evidence.candidates]
-    order = sorted(
-        range(len(evidence.candidates)), key=lambda i: (-posterior[i], evidence.candidates[i].misfit)
-    )
-    for i in order:
-        name = evidence.candidates[i].last_effect.id
-        fitted = closer.get(name, evidence.candidates[i])
-        one = fitted.last_effect
-        least = least_strength(fitted, needed_fall(evidence, fitted))
-        shown = loose > 0 if one.special == "slack" else least <= 1.0
-        shown = shown or name in replaced or justified(evidence.base, fitted)
-        fitted = reported.get(name, fitted)
-        result.append(
-            Candidate(
-                effect=one.id,
-                title=titles_in(fitted)[one.id],
-                score=fitted.score,
-                probability=posterior[i],
-                in_set=i in chosen,
-                parameters=parameters(fitted, one, evidence.temperature),
-                equations=one.acts_on,
-                explanation=explanation(evidence, fitted, one, shown, least, replaced.get(name, ()), alone),
-                detectable=shown,
-                fingerprint=prints.get(one.id),
-                replaces=replaced.get(name, ()),
-                at_bound=i in stuck,
-            )
-        )
-    return tuple(result)

@@ -16,7 +16,7 @@ from threadpoolctl import threadpool_limits
 
 from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress, Watch
-from fingerlab.diagnosis.answer.wording import every_parameter
+from fingerlab.diagnosis.answer.candidates import every_parameter
 from fingerlab.diagnosis.equations.model import Choice
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.score.bench_constants import settle_constants

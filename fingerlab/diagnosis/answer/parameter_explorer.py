@@ -19,10 +19,10 @@ from fingerlab.diagnosis.answer.curves import Display, RunOffsets, comparisons_o
 from fingerlab.diagnosis.answer.error_parts import Comparison, EquationError
 from fingerlab.diagnosis.answer.errors import equation_errors
 from fingerlab.diagnosis.answer.results import Diagnosis
-from fingerlab.diagnosis.answer.wording import residual_offsets
 from fingerlab.diagnosis.equations.model import Choice
 from fingerlab.diagnosis.fit.solver import Fit, Fitter
 from fingerlab.diagnosis.gram.reduction import Reduction
+from fingerlab.diagnosis.gram.run_constants import residual_offsets
 from fingerlab.diagnosis.score.fitted_model import FittedModel, at_found_shapes
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.settings import FULL_ITERATIONS, HARDLY_DETERMINED, Z90
