@@ -100,6 +100,7 @@ def diagnose(
     laws: tuple[DraftLaw, ...] | None = None
     # Curves are kept by one process only, so that a second one would have nothing to do.
     with second_process(() if figures else sessions, "fingerlab.diagnosis.gram.reduction") as executor:
+        from fingerlab.diagnosis import DiagnosisOptions
         from fingerlab.diagnosis import diagnose as run
 
         opened = open_each(sessions)
@@ -108,7 +109,8 @@ def diagnose(
         with bar:
             curves = figures is not None
             kept = _to_draft_from(opened, executor) if draft or own_file is not None else None
-            result = run(opened, added, report, with_curves=curves, executor=executor, held=fixed, kept=kept)
+            options = DiagnosisOptions(held=fixed, kept=kept, executor=executor)
+            result = run(opened, added, report, with_curves=curves, options=options)
         if kept is not None:
             laws = _laws(kept, result)
     effects = added or result.final_model

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
+from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -74,18 +75,35 @@ if TYPE_CHECKING:
     from fingerlab.diagnosis.experiment.proposal import NextRun
 
 
+@dataclass(frozen=True)
+class DiagnosisOptions:
+    """What is asked of a diagnosis beside which effect is missing, and what it may use.
+
+    Attributes:
+        left_out: ids that the catalogue is to be without; so it is tried what it says of the unknown.
+        held: unknowns of the model as given, by key, and the value that every model is to hold them at, SI.
+        kept: what an earlier diagnosis of these sessions was given; their runs are not read again.
+        executor: a second process (``core.progress``) to share the reading, if no curves are wanted.
+        first: is told the error of the model with the ``added`` effects before others are looked for; once
+            more when their shapes are found between the points of their grids.
+        before: an earlier diagnosis of these sessions, in whose floors ``first`` is told; None: the model's.
+    """
+
+    left_out: Sequence[str] = ()
+    held: Mapping[str, float] | None = None
+    kept: Reduction | None = None
+    executor: Executor | None = None
+    first: Callable[[FirstLook], None] | None = None
+    before: Diagnosis | None = None
+
+
 def diagnose(
     sessions: Sequence[Session],
     added: Sequence[str] = (),
     progress: Progress | None = None,
     cancelled: Callable[[], bool] | None = None,
     with_curves: bool = True,
-    executor: Executor | None = None,
-    left_out: Sequence[str] = (),
-    kept: Reduction | None = None,
-    held: Mapping[str, float] | None = None,
-    first: Callable[[FirstLook], None] | None = None,
-    before: Diagnosis | None = None,
+    options: DiagnosisOptions | None = None,
 ) -> Diagnosis:
     """Where the model fails and which effect is missing.
 
@@ -94,13 +112,7 @@ def diagnose(
         progress: called with the share done (0 to 1) and what is being done.
         cancelled: asked now and then; True stops the calculation.
         with_curves: whether measured and modelled curves and fingerprints are wanted.
-        executor: a second process (``core.progress``) to share the reading, if no curves are wanted.
-        left_out: ids that the catalogue is to be without; so it is tried what it says of the unknown.
-        kept: what an earlier diagnosis of these sessions was given; their runs are not read again.
-        held: unknowns of the model as given, by key, and the value that every model is to hold them at, SI.
-        first: is told the error of the model with the ``added`` effects before others are looked for; once
-            more when their shapes are found between the points of their grids.
-        before: an earlier diagnosis of these sessions, in whose floors ``first`` is told; None: the model's.
+        options: what else is asked; None: nothing.
 
     Raises:
         UserError: an unknown effect or unknown to hold, nothing to analyse, a run that cannot be read.
@@ -109,21 +121,21 @@ def diagnose(
     started = time.perf_counter()
     if not sessions:
         raise UserError("No session was given; name at least one session file.")
-    known = whole_catalogue()
+    asked, known = options or DiagnosisOptions(), whole_catalogue()
     given = [known.get(name) or effect(name) for name in dict.fromkeys(added)]
-    catalogue = [e for e in known.values() if e.id not in left_out]
+    catalogue = [e for e in known.values() if e.id not in asked.left_out]
     stages, alone = Stages(progress, cancelled), None
     display = _display() if with_curves else None
     # Small matrices: several threads of linear algebra only get in each other's way.
     with threadpool_limits(limits=1, user_api="blas"):
-        reduction = kept or Reduction(sessions, executor)
-        reduction.restart(held)
+        reduction = asked.kept or Reduction(sessions, asked.executor)
+        reduction.restart(asked.held)
         catalogue = reduction.suited(catalogue)
         reduction.begin(catalogue, stages.part(0.0, 0.2), read=bool(given))
         if given:
             settle_constants(reduction, Scorer(reduction.of([])))
             # There and in the catalogue at the shapes that fit best.
-            look = None if first is None else partial(_look, first, _weights_of(before))
+            look = None if asked.first is None else partial(_look, asked.first, _weights_of(asked.before))
             alone = fit_refined(reduction, given, stages.part(0.2, 0.25), look)
             given = with_other_laws(at_found_shapes(alone[1]), catalogue)
             catalogue = with_shapes_of(catalogue, given)

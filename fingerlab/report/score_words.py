@@ -261,7 +261,7 @@ def diagnose_each(
         Cancelled: ``cancelled`` answered True.
     """
     # Here, so that a window which only tells the story opens without waiting for them.
-    from fingerlab.diagnosis import diagnose
+    from fingerlab.diagnosis import DiagnosisOptions, diagnose
     from fingerlab.diagnosis.gram.reduction import Reduction
     from fingerlab.effects import effect
 
@@ -276,7 +276,7 @@ def diagnose_each(
         def part(share: float, what: str, low: float = low, high: float = high) -> None:
             watch.tell(low + (high - low) * share, what)
 
-        found.append(diagnose(sessions, added[:number], part, cancelled, with_curves=last, kept=kept))
+        found.append(diagnose(sessions, added[:number], part, cancelled, last, DiagnosisOptions(kept=kept)))
     return found
 
 
