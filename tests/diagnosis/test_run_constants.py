@@ -10,11 +10,10 @@ import pytest
 from fingerlab.core.errors import Cancelled
 from fingerlab.diagnosis import DiagnosisOptions, diagnose
 from fingerlab.diagnosis.equations.features import FeatureSet
-from fingerlab.diagnosis.fit.run_spreads import find_constants
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.gram.run_constants import EquationWeights, RunConstants, RunTotals, schur_complement
 from fingerlab.diagnosis.gram.sums import Sums
-from fingerlab.diagnosis.score.bench_constants import likeliest_constants, settle_constants
+from fingerlab.diagnosis.score.bench_constants import find_constants, likeliest_constants, settle_constants
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
 from fingerlab.effects.base import Row
