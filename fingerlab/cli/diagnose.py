@@ -229,7 +229,8 @@ def _print(result: Diagnosis, arc: str, budget: bool) -> None:
 
     from fingerlab.diagnosis.score.calibration import Verdict
     from fingerlab.report import diagnosis_words as words
-    from fingerlab.report.score_words import score_words
+    from fingerlab.report.recording_words import next_experiment_sentence, paired_sentence
+    from fingerlab.report.score_words import how_to_add, path_sentence, score_words
 
     console = table_console()
     console.print(Text(f"\n{words.verdict_sentence(result)}\n", style="bold"))
@@ -252,16 +253,16 @@ def _print(result: Diagnosis, arc: str, budget: bool) -> None:
     if words.as_good_sentence(result):
         console.print(Text(words.as_good_sentence(result)))
     if result.paired:
-        console.print(Text(words.paired_sentence(result)))
+        console.print(Text(paired_sentence(result)))
     if words.worth_adding(result):
-        console.print(Text(words.path_sentence(result)))
-        console.print(Text(words.how_to_add(result)))
+        console.print(Text(path_sentence(result)))
+        console.print(Text(how_to_add(result)))
     if result.bench:
         console.print(Text("\nThe bench:"))
         for finding in result.bench:
             console.print(Text(f"- {finding.text}"))
         console.print()
-    proposal = words.next_experiment_sentence(result)
+    proposal = next_experiment_sentence(result)
     if proposal is not None:
         console.print(Text(proposal))
     hidden = words.hidden_sentence(result)
@@ -355,8 +356,8 @@ def report(
     The page needs no other file and no network. The JSON is that of 'fingerlab diagnose' and names what was
     written.
     """
-    from fingerlab.report.page import Extras, write_report
-    from fingerlab.report.score_words import diagnose_each, story
+    from fingerlab.report.page import Extras, diagnose_each, write_report
+    from fingerlab.report.score_words import story
 
     _check_places(out, pdf, figures, equation, json_target)
     opened = open_each(sessions)
