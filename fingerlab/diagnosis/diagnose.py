@@ -16,7 +16,7 @@ from fingerlab.core.progress import Progress
 from fingerlab.diagnosis.answer.bench_findings import bench_findings
 from fingerlab.diagnosis.answer.budget import error_budget
 from fingerlab.diagnosis.answer.candidates import (
-    Judged,
+    JudgedEffects,
     ToldModels,
     candidates,
     cannot_be_ruled_out,
@@ -50,12 +50,18 @@ from fingerlab.diagnosis.score.evidence import (
     alike,
     shares_of_rivals,
 )
-from fingerlab.diagnosis.score.fitted_model import FittedModel, at_found_shapes, paired_score
+from fingerlab.diagnosis.score.fitted_model import (
+    FittedModel,
+    at_found_shapes,
+    paired_score,
+    with_other_laws,
+    with_shapes_of,
+)
 from fingerlab.diagnosis.score.floors import noise_below_floor
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.score.selection import lacks_fit
 from fingerlab.diagnosis.search.exchange import ExchangedModel, odds_of_rivals
-from fingerlab.diagnosis.search.grid_refinement import fit_refined, with_other_laws, with_shapes_of
+from fingerlab.diagnosis.search.grid_refinement import fit_refined
 from fingerlab.diagnosis.search.next_effect import at_edges, fitted_to_the_end
 from fingerlab.diagnosis.search.strategy import Found, Question, Stages, search_effects
 from fingerlab.diagnosis.settings import (
@@ -243,7 +249,7 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
     replaced = {name: (one.removed,) for name, one in replacing.items()}
     prints = curves.fingerprints if curves else {}
     reported = {**fitted_to_the_end(scorer, evidence), **closer}
-    judged = Judged(evidence, probability, chosen, stuck)
+    judged = JudgedEffects(evidence, probability, chosen, stuck)
     told = ToldModels(closer, reported, replaced)
     pairs = [(session, run) for (session, _), run in zip(reduction.runs, reduction.analysed, strict=True)]
     each_share, parts = run_shares(pairs, scorer.reduced, evidence.base)

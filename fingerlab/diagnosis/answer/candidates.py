@@ -11,9 +11,9 @@ import numpy as np
 from fingerlab.core.text import estimate_text, in_sentence, screen_unit, significant
 from fingerlab.diagnosis.answer.results import Candidate, Fingerprint
 from fingerlab.diagnosis.score.calibration import CalibratedAnswer, Verdict
-from fingerlab.diagnosis.score.evidence import Evidence, least_strength, needed_fall, undetectable
+from fingerlab.diagnosis.score.evidence import Evidence, needed_fall, undetectable
 from fingerlab.diagnosis.score.fitted_model import FittedModel, at_assumed_bounds, own_keys
-from fingerlab.diagnosis.score.selection import justified
+from fingerlab.diagnosis.score.selection import justified, least_strength
 from fingerlab.diagnosis.settings import (
     MOST_NAMED,
     NOTHING_SEEN,
@@ -26,7 +26,7 @@ from fingerlab.models.file import ParameterEstimate
 
 
 @dataclass(frozen=True)
-class Judged:
+class JudgedEffects:
     """Effects as they were judged.
 
     Attributes:
@@ -82,7 +82,7 @@ def cannot_be_ruled_out(
 
 
 def candidates(
-    judged: Judged, models: ToldModels, prints: Mapping[str, Fingerprint], loose: bool, alone: bool
+    judged: JudgedEffects, models: ToldModels, prints: Mapping[str, Fingerprint], loose: bool, alone: bool
 ) -> tuple[Candidate, ...]:
     """What is told of every effect, likeliest first.
 
@@ -179,7 +179,7 @@ def would_have_shown(fitted: FittedModel, effect: Effect, least: float) -> str:
     """The strength from which on an effect would have shown, in words; empty where none would.
 
     Args:
-        least: multiple of its typical strength (see ``evidence.least_strength``).
+        least: multiple of its typical strength (see ``selection.least_strength``).
     """
     names = {key: name for name, key in own_keys(fitted, effect).items()}
     gains, size_of = {u.key: u.parameter for u in fitted.model.unknowns}, fitted.model.layout.scales.of
