@@ -28,6 +28,7 @@ ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "docs" / "benchmarks.md"
 MEASURING = """
 import inspect, json, sys, time
+from fingerlab import diagnosis
 from fingerlab.diagnosis import diagnose
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.sessions import open_session
@@ -38,15 +39,19 @@ def now():
 def since(then):
     return [b - a for a, b in zip(then, now())]
 
-sessions, seen, more = (open_session(sys.argv[1]),), [], {}
+def asked(**options):  # an earlier revision is asked with keywords of its own
+    if hasattr(diagnosis, "DiagnosisOptions"):
+        return {"options": diagnosis.DiagnosisOptions(**options)}
+    return {name: value for name, value in options.items() if name in inspect.signature(diagnose).parameters}
+
+sessions, seen = (open_session(sys.argv[1]),), []
 kept = Reduction(sessions)
 then = now()
-diagnose(sessions, kept=kept)
+diagnose(sessions, **asked(kept=kept))
 told = {"whole": since(then)}
 then = now()
-if "first" in inspect.signature(diagnose).parameters:
-    more["first"] = lambda look: seen.append(since(then))
-diagnose(sessions, (sys.argv[2],), kept=kept, **more)
+first = lambda look: seen.append(since(then))
+diagnose(sessions, (sys.argv[2],), **asked(kept=kept, first=first))
 told["added"] = since(then)
 told["look"] = seen[0] if seen else told["added"]
 print(json.dumps(told))

@@ -100,6 +100,7 @@ def diagnose(
     laws: tuple[DraftLaw, ...] | None = None
     # Curves are kept by one process only, so that a second one would have nothing to do.
     with second_process(() if figures else sessions, "fingerlab.diagnosis.gram.reduction") as executor:
+        from fingerlab.diagnosis import DiagnosisOptions
         from fingerlab.diagnosis import diagnose as run
 
         opened = open_each(sessions)
@@ -108,7 +109,8 @@ def diagnose(
         with bar:
             curves = figures is not None
             kept = _to_draft_from(opened, executor) if draft or own_file is not None else None
-            result = run(opened, added, report, with_curves=curves, executor=executor, held=fixed, kept=kept)
+            options = DiagnosisOptions(held=fixed, kept=kept, executor=executor)
+            result = run(opened, added, report, with_curves=curves, options=options)
         if kept is not None:
             laws = _laws(kept, result)
     effects = added or result.final_model
@@ -227,7 +229,8 @@ def _print(result: Diagnosis, arc: str, budget: bool) -> None:
 
     from fingerlab.diagnosis.score.calibration import Verdict
     from fingerlab.report import diagnosis_words as words
-    from fingerlab.report.score_words import score_words
+    from fingerlab.report.recording_words import next_experiment_sentence, paired_sentence
+    from fingerlab.report.score_words import how_to_add, path_sentence, score_words
 
     console = table_console()
     console.print(Text(f"\n{words.verdict_sentence(result)}\n", style="bold"))
@@ -250,16 +253,16 @@ def _print(result: Diagnosis, arc: str, budget: bool) -> None:
     if words.as_good_sentence(result):
         console.print(Text(words.as_good_sentence(result)))
     if result.paired:
-        console.print(Text(words.paired_sentence(result)))
+        console.print(Text(paired_sentence(result)))
     if words.worth_adding(result):
-        console.print(Text(words.path_sentence(result)))
-        console.print(Text(words.how_to_add(result)))
+        console.print(Text(path_sentence(result)))
+        console.print(Text(how_to_add(result)))
     if result.bench:
         console.print(Text("\nThe bench:"))
         for finding in result.bench:
             console.print(Text(f"- {finding.text}"))
         console.print()
-    proposal = words.next_experiment_sentence(result)
+    proposal = next_experiment_sentence(result)
     if proposal is not None:
         console.print(Text(proposal))
     hidden = words.hidden_sentence(result)
@@ -353,8 +356,8 @@ def report(
     The page needs no other file and no network. The JSON is that of 'fingerlab diagnose' and names what was
     written.
     """
-    from fingerlab.report.page import Extras, write_report
-    from fingerlab.report.score_words import diagnose_each, story
+    from fingerlab.report.page import Extras, diagnose_each, write_report
+    from fingerlab.report.score_words import story
 
     _check_places(out, pdf, figures, equation, json_target)
     opened = open_each(sessions)

@@ -15,6 +15,6 @@ rooms, each of which imports those before it alone:
 ``diagnose`` leads through them.
 """
 
-from fingerlab.diagnosis.diagnose import diagnose
+from fingerlab.diagnosis.diagnose import DiagnosisOptions, diagnose
 
-__all__ = ["diagnose"]
+__all__ = ["DiagnosisOptions", "diagnose"]

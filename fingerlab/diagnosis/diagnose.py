@@ -5,42 +5,42 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import replace
+from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
-import numpy as np
 from threadpoolctl import threadpool_limits
 
 from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress
+from fingerlab.diagnosis.answer.bench_findings import bench_findings
 from fingerlab.diagnosis.answer.budget import error_budget
+from fingerlab.diagnosis.answer.candidates import (
+    JudgedEffects,
+    ToldModels,
+    candidates,
+    cannot_be_ruled_out,
+    every_parameter,
+    titles_in,
+)
 from fingerlab.diagnosis.answer.errors import equation_errors, excluded_times, held_out_runs, run_shares
 from fingerlab.diagnosis.answer.results import (
-    Candidate,
     Diagnosis,
-    Fingerprint,
     FirstLook,
     OtherModel,
     PairedDifference,
     PathStep,
 )
-from fingerlab.diagnosis.answer.wording import (
-    bench_findings,
-    every_parameter,
-    explanation,
-    parameters,
-    residual_offsets,
-    titles_in,
-)
 from fingerlab.diagnosis.equations.model import Choice, build
-from fingerlab.diagnosis.equations.parameters import TORQUE_LAG
 from fingerlab.diagnosis.fit.data import Weights
-from fingerlab.diagnosis.fit.run_spreads import find_constants
 from fingerlab.diagnosis.gram.reduction import Reduction
-from fingerlab.diagnosis.gram.run_constants import RunConstants
+from fingerlab.diagnosis.gram.run_constants import residual_offsets
+from fingerlab.diagnosis.score.bench_constants import (
+    likeliest_constants,
+    settle_constants,
+    zero_is_confounded,
+)
 from fingerlab.diagnosis.score.calibration import (
-    CalibratedAnswer,
     Verdict,
     calibrated,
     session_features,
@@ -48,41 +48,59 @@ from fingerlab.diagnosis.score.calibration import (
 from fingerlab.diagnosis.score.evidence import (
     Evidence,
     alike,
-    least_strength,
-    needed_fall,
     shares_of_rivals,
-    undetectable,
 )
-from fingerlab.diagnosis.score.fitted_model import FittedModel, at_found_shapes, paired_score
+from fingerlab.diagnosis.score.fitted_model import (
+    FittedModel,
+    at_found_shapes,
+    paired_score,
+    with_other_laws,
+    with_shapes_of,
+)
 from fingerlab.diagnosis.score.floors import noise_below_floor
 from fingerlab.diagnosis.score.scorer import Scorer
-from fingerlab.diagnosis.score.selection import justified, lacks_fit
+from fingerlab.diagnosis.score.selection import lacks_fit
 from fingerlab.diagnosis.search.exchange import ExchangedModel, odds_of_rivals
-from fingerlab.diagnosis.search.grid_refinement import fit_refined, with_other_laws, with_shapes_of
+from fingerlab.diagnosis.search.grid_refinement import fit_refined
 from fingerlab.diagnosis.search.next_effect import at_edges, fitted_to_the_end
 from fingerlab.diagnosis.search.strategy import Found, Question, Stages, search_effects
 from fingerlab.diagnosis.settings import (
-    CONSTANTS_ROUNDS,
-    DECIDING_LOG_ODDS,
     FULL_ITERATIONS,
-    LAG_AT_EDGE,
-    LAG_SHARE,
     NEARLY_RIGHT,
-    ONE_WAY,
-    ONE_WAY_POINTS,
     REPLACING_SHARE,
     RUN_LOG_ODDS,
     SET_LOG_ODDS,
-    STANDING_LOAD,
     STILL_LEFT,
 )
-from fingerlab.effects import CATALOGUE, effect, whole_catalogue
+from fingerlab.effects import effect, whole_catalogue
 from fingerlab.effects.base import Effect
-from fingerlab.sessions.model import Array, Run, Session
+from fingerlab.sessions.model import Array, Session
 
 if TYPE_CHECKING:
     from fingerlab.diagnosis.answer.curves import Display
     from fingerlab.diagnosis.experiment.proposal import NextRun
+
+
+@dataclass(frozen=True)
+class DiagnosisOptions:
+    """What is asked of a diagnosis beside which effect is missing, and what it may use.
+
+    Attributes:
+        left_out: ids that the catalogue is to be without; so it is tried what it says of the unknown.
+        held: unknowns of the model as given, by key, and the value that every model is to hold them at, SI.
+        kept: what an earlier diagnosis of these sessions was given; their runs are not read again.
+        executor: a second process (``core.progress``) to share the reading, if no curves are wanted.
+        first: is told the error of the model with the ``added`` effects before others are looked for; once
+            more when their shapes are found between the points of their grids.
+        before: an earlier diagnosis of these sessions, in whose floors ``first`` is told; None: the model's.
+    """
+
+    left_out: Sequence[str] = ()
+    held: Mapping[str, float] | None = None
+    kept: Reduction | None = None
+    executor: Executor | None = None
+    first: Callable[[FirstLook], None] | None = None
+    before: Diagnosis | None = None
 
 
 def diagnose(
@@ -91,12 +109,7 @@ def diagnose(
     progress: Progress | None = None,
     cancelled: Callable[[], bool] | None = None,
     with_curves: bool = True,
-    executor: Executor | None = None,
-    left_out: Sequence[str] = (),
-    kept: Reduction | None = None,
-    held: Mapping[str, float] | None = None,
-    first: Callable[[FirstLook], None] | None = None,
-    before: Diagnosis | None = None,
+    options: DiagnosisOptions | None = None,
 ) -> Diagnosis:
     """Where the model fails and which effect is missing.
 
@@ -105,13 +118,7 @@ def diagnose(
         progress: called with the share done (0 to 1) and what is being done.
         cancelled: asked now and then; True stops the calculation.
         with_curves: whether measured and modelled curves and fingerprints are wanted.
-        executor: a second process (``core.progress``) to share the reading, if no curves are wanted.
-        left_out: ids that the catalogue is to be without; so it is tried what it says of the unknown.
-        kept: what an earlier diagnosis of these sessions was given; their runs are not read again.
-        held: unknowns of the model as given, by key, and the value that every model is to hold them at, SI.
-        first: is told the error of the model with the ``added`` effects before others are looked for; once
-            more when their shapes are found between the points of their grids.
-        before: an earlier diagnosis of these sessions, in whose floors ``first`` is told; None: the model's.
+        options: what else is asked; None: nothing.
 
     Raises:
         UserError: an unknown effect or unknown to hold, nothing to analyse, a run that cannot be read.
@@ -120,21 +127,21 @@ def diagnose(
     started = time.perf_counter()
     if not sessions:
         raise UserError("No session was given; name at least one session file.")
-    known = whole_catalogue()
+    asked, known = options or DiagnosisOptions(), whole_catalogue()
     given = [known.get(name) or effect(name) for name in dict.fromkeys(added)]
-    catalogue = [e for e in known.values() if e.id not in left_out]
+    catalogue = [e for e in known.values() if e.id not in asked.left_out]
     stages, alone = Stages(progress, cancelled), None
     display = _display() if with_curves else None
     # Small matrices: several threads of linear algebra only get in each other's way.
     with threadpool_limits(limits=1, user_api="blas"):
-        reduction = kept or Reduction(sessions, executor)
-        reduction.restart(held)
+        reduction = asked.kept or Reduction(sessions, asked.executor)
+        reduction.restart(asked.held)
         catalogue = reduction.suited(catalogue)
         reduction.begin(catalogue, stages.part(0.0, 0.2), read=bool(given))
         if given:
             settle_constants(reduction, Scorer(reduction.of([])))
             # There and in the catalogue at the shapes that fit best.
-            look = None if first is None else partial(_look, first, _weights_of(before))
+            look = None if asked.first is None else partial(_look, asked.first, _weights_of(asked.before))
             alone = fit_refined(reduction, given, stages.part(0.2, 0.25), look)
             given = with_other_laws(at_found_shapes(alone[1]), catalogue)
             catalogue = with_shapes_of(catalogue, given)
@@ -164,50 +171,6 @@ def _look(
         scorer = scorer.with_floor_weights()
     found = scorer.score_held_out(fitted, residuals=True)
     first(FirstLook(tuple(found.effect_ids), found.score, equation_errors(scorer.reduced, found)))
-
-
-def settle_constants(reduction: Reduction, scorer: Scorer) -> Scorer:
-    """The scorer, with a late torque and constants that every run has of its own, if any were found.
-
-    They are looked for once, under the bare model, whatever effects are given.
-    """
-    if scorer.reduced.on_bench and not (reduction.settled or reduction.late_torque):
-        told = scorer.with_late_told()
-        reduction.late_torque = torque_is_late(reduction, told)
-        scorer = told if reduction.late_torque else scorer
-    if reduction.late_torque:
-        scorer = scorer.with_late_torque()
-    if reduction.constants is None and not reduction.settled:
-        free = Scorer(replace(scorer.reduced, fixed={})) if scorer.reduced.fixed else scorer
-        bare, rig = free.bare, reduction.sessions[0].rig
-        reduction.settle(
-            find_constants(scorer.reduced, bare.model, bare.fit.values, bare.weights, rig, reduction.motions)
-        )
-    return scorer if reduction.constants is None else scorer.with_constants(reduction.constants)
-
-
-def torque_is_late(reduction: Reduction, scorer: Scorer) -> bool:
-    """Whether the torque of a motor alone is logged so far from its position that it has to be known.
-
-    Only where that explains nearly all that the bare model misses, and more than viscous friction would: the
-    lag of a machine that rubs is not told from its friction. A torque that comes early looks like nothing
-    that rubs.
-    """
-    late, bare = scorer.with_late_torque(), scorer.score_held_out(scorer.bare)
-    lagging = late.score_held_out(late.fit_reweighted([], bare))
-    place = lagging.model.index[TORQUE_LAG]
-    lag, most = float(lagging.fit.values[place]), float(lagging.model.high[place])
-    if not lagging.misfit < (1.0 - LAG_SHARE) * bare.misfit:
-        return False
-    if lag < 0.0:
-        return True
-    if lag >= LAG_AT_EDGE * most:
-        return False
-    # Also where it is not asked for, or left out of the catalogue.
-    rubs = next(e for e in CATALOGUE.values() if e.like_late_torque)
-    beside = Scorer(replace(reduction.refined([rubs]), late_is_no_noise=True))
-    rubbing = beside.score_held_out(beside.fit_reweighted([Choice(rubs)], bare))
-    return rubbing.misfit - lagging.misfit > 2.0 * DECIDING_LOG_ODDS
 
 
 def check_held(reduction: Reduction, scorer: Scorer, given: Sequence[Effect]) -> None:
@@ -260,47 +223,6 @@ def searched_below_floor(question: Question, found: Found) -> Found:
     return search_effects(question, settle_constants(reduction, again))
 
 
-def zero_is_confounded(runs: Sequence[Run]) -> bool:
-    """Whether a zero of the torque in each run of a motor alone would pass for what rubs or for a known load.
-
-    Of runs that go one way each, some this way and some that, friction is a constant; of runs under a load
-    that stands, another in each, so is what the load's gain lacks.
-    """
-    ways, loads = [], []
-    for run in runs:
-        every = slice(None, None, max(run.length // ONE_WAY_POINTS, 1))
-        position = run.channel("motor_position")[every]
-        moves = np.diff(position[np.isfinite(position)])
-        travel = float(np.abs(moves).sum())
-        ways.append(float(moves.sum()) / travel if travel > 0 else 0.0)
-        if run.has("load_torque"):
-            loads.append(run.channel("load_torque")[every])
-    one_way = min(map(abs, ways)) > ONE_WAY and min(ways) < 0 < max(ways)
-    between = float(np.ptp([np.nanmean(one) for one in loads])) if loads else 0.0
-    within = max((float(np.nanstd(one)) for one in loads), default=0.0)
-    return one_way or (len(loads) == len(runs) and between > 0 and within < STANDING_LOAD * between)
-
-
-def likeliest_constants(
-    reduction: Reduction, scorer: Scorer, last: FittedModel
-) -> tuple[RunConstants | None, FittedModel]:
-    """Constants of the runs by what a model misses on their averages, and the model beside them, held out.
-
-    A model that was fitted without them has bent to them, and misses less than they are. Beside them it is
-    fitted anew, and they are looked for again (expectation and maximisation in turn), until they stand.
-    None: there are none that would matter.
-    """
-    found, rig, fitted = None, reduction.sessions[0].rig, last
-    for _ in range(CONSTANTS_ROUNDS):
-        of_model = fitted.model, fitted.fit.values, fitted.weights
-        again = find_constants(scorer.reduced, *of_model, rig, reduction.motions, alone=True)
-        if again is None or (found is not None and np.array_equal(found.spreads, again.spreads)):
-            break
-        found, beside = again, scorer.with_constants(again)
-        fitted = beside.score_held_out(beside.fit_reweighted(last.choices, fitted))
-    return found, fitted
-
-
 def _answer(question: Question, found: Found, display: Display | None, started: float) -> Diagnosis:
     """The answer, as it is given to others."""
     scorer, evidence, path = found.scorer, found.evidence, found.path
@@ -311,7 +233,7 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
     probabilities, calibration = calibrated(evidence.odds, verdict, *usual)
     probability = dict(zip(evidence.odds.answers, map(float, probabilities), strict=True))
     stuck = at_edges(scorer, evidence)
-    chosen = _cannot_be_ruled_out(evidence, calibration, probability)
+    chosen = cannot_be_ruled_out(evidence, calibration, probability)
     chosen += [i for i in stuck if i not in chosen]
     reduction, by_last = question.reduction, found.refined or scorer
 
@@ -323,14 +245,12 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
     closer = {name: one.scorer.with_sensitivity(one.steps[0]) for name, one in replacing.items()}
     if found.refined is not None and found.better is None:
         closer.setdefault(path[1].last_effect.id, found.refined.with_sensitivity(path[1]))
-    loose = sum(f.slack_samples for g in scorer.reduced.groups for f in g.folds)
+    loose = any(f.slack_samples for g in scorer.reduced.groups for f in g.folds)
     replaced = {name: (one.removed,) for name, one in replacing.items()}
     prints = curves.fingerprints if curves else {}
-    alone = len(reduction.runs) == 1
     reported = {**fitted_to_the_end(scorer, evidence), **closer}
-    candidates = _candidates(
-        evidence, probability, chosen, stuck, loose, prints, closer, reported, replaced, alone
-    )
+    judged = JudgedEffects(evidence, probability, chosen, stuck)
+    told = ToldModels(closer, reported, replaced)
     pairs = [(session, run) for (session, _), run in zip(reduction.runs, reduction.analysed, strict=True)]
     each_share, parts = run_shares(pairs, scorer.reduced, evidence.base)
     excluded, excluded_by_motion = excluded_times(reduction, scorer.reduced, evidence.base)
@@ -342,7 +262,7 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
         errors=errors,
         score=evidence.base.score,
         verdict=verdict,
-        candidates=candidates,
+        candidates=candidates(judged, told, prints, loose, len(reduction.runs) == 1),
         set=tuple(evidence.candidates[i].last_effect.id for i in chosen),
         path=steps,
         final_model=tuple(path[-1].effect_ids),
@@ -394,31 +314,6 @@ def _paired(
             )
         )  # fmt: skip
     return tuple(found)
-
-
-def _cannot_be_ruled_out(
-    evidence: Evidence, said: CalibratedAnswer, probability: Mapping[str, float]
-) -> list[int]:
-    """Indices of the effects that are left open, likeliest first; the verdict's own is among them.
-
-    Args:
-        probability: calibrated probability of every answer.
-    """
-    if evidence.verdict == Verdict.NOT_IN_CATALOGUE:
-        return []
-    names = [c.last_effect.id for c in evidence.candidates]
-    if evidence.verdict == Verdict.NOTHING_MISSING:
-        # Of the hidden ones 95 % would be most of the catalogue: those that could hide, and what is seen
-        # and nearly as likely as nothing.
-        near = float(np.exp(-SET_LOG_ODDS)) * probability[Verdict.NOTHING_MISSING]
-        hidden = undetectable(evidence)
-        seen = [i for i, name in enumerate(names) if probability[name] >= near and i not in hidden]
-        return sorted([*hidden, *seen], key=lambda i: -probability[names[i]])
-    index = {name: i for i, name in enumerate(names)}
-    chosen = [index[name] for name in said.cannot_be_ruled_out if name in index]
-    if evidence.verdict == Verdict.MISSING_EFFECT and not chosen:
-        chosen = [int(np.argmax(evidence.probabilities))]
-    return chosen
 
 
 def _path_steps(path: Sequence[FittedModel], better: ExchangedModel | None) -> tuple[PathStep, ...]:
@@ -481,56 +376,3 @@ def _next_run(
     return (propose if verdict == Verdict.MISSING_EFFECT else reveal)(
         sessions, scorer, evidence, chosen, usual
     )
-
-
-def _candidates(
-    evidence: Evidence,
-    probability: Mapping[str, float],
-    chosen: Sequence[int],
-    stuck: Sequence[int],
-    loose: int,
-    prints: Mapping[str, Fingerprint],
-    closer: Mapping[str, FittedModel],
-    reported: Mapping[str, FittedModel],
-    replaced: Mapping[str, tuple[str, ...]],
-    alone: bool,
-) -> tuple[Candidate, ...]:
-    """What is told of every effect.
-
-    Args:
-        chosen: indices of those that cannot be ruled out. stuck: of those at the edge of what is allowed.
-        closer: models with an effect's refined shape, or with it in place of a given one, by its id.
-        reported: models whose numbers are told in place of those that were judged, by the effect's id.
-        replaced: ids of the given effects in whose place an effect is, by its id.
-        alone: there is one run, so that none was held out.
-    """
-    result = []
-    posterior = [probability[c.last_effect.id] for c in evidence.candidates]
-    order = sorted(
-        range(len(evidence.candidates)), key=lambda i: (-posterior[i], evidence.candidates[i].misfit)
-    )
-    for i in order:
-        name = evidence.candidates[i].last_effect.id
-        fitted = closer.get(name, evidence.candidates[i])
-        one = fitted.last_effect
-        least = least_strength(fitted, needed_fall(evidence, fitted))
-        shown = loose > 0 if one.special == "slack" else least <= 1.0
-        shown = shown or name in replaced or justified(evidence.base, fitted)
-        fitted = reported.get(name, fitted)
-        result.append(
-            Candidate(
-                effect=one.id,
-                title=titles_in(fitted)[one.id],
-                score=fitted.score,
-                probability=posterior[i],
-                in_set=i in chosen,
-                parameters=parameters(fitted, one, evidence.temperature),
-                equations=one.acts_on,
-                explanation=explanation(evidence, fitted, one, shown, least, replaced.get(name, ()), alone),
-                detectable=shown,
-                fingerprint=prints.get(one.id),
-                replaces=replaced.get(name, ()),
-                at_bound=i in stuck,
-            )
-        )
-    return tuple(result)

@@ -23,6 +23,8 @@ from fingerlab.notebook.model import (
 )
 from fingerlab.report import diagnosis_words as words
 from fingerlab.report.page_tables import error_rows, short_ranking
+from fingerlab.report.recording_words import next_experiment_sentence, paired_sentence
+from fingerlab.report.score_words import path_sentence
 from fingerlab.sessions.model import Session
 
 
@@ -160,11 +162,11 @@ class DiagnosisView(Displayed):
         if words.as_good_sentence(result):
             parts.append(words.as_good_sentence(result))
         if result.paired:
-            parts.append(words.paired_sentence(result))
+            parts.append(paired_sentence(result))
         if words.worth_adding(result):
-            parts.append(words.path_sentence(result))
+            parts.append(path_sentence(result))
         parts += [f"The bench: {finding.text}" for finding in result.bench]
-        proposal = words.next_experiment_sentence(result)
+        proposal = next_experiment_sentence(result)
         if proposal is not None:
             parts.append(proposal)
         unseen = words.hidden_sentence(result)

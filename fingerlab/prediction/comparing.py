@@ -13,13 +13,13 @@ from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress, Watch
 from fingerlab.diagnosis.answer.error_parts import EquationError
 from fingerlab.diagnosis.answer.errors import equation_errors
-from fingerlab.diagnosis.diagnose import settle_constants
 from fingerlab.diagnosis.equations.model import Choice, Model
 from fingerlab.diagnosis.equations.parameters import ARMS, CABLE_OFFSET
 from fingerlab.diagnosis.fit.data import Weights
 from fingerlab.diagnosis.fit.solver import Fit, Fitter
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.gram.sums import Reduced
+from fingerlab.diagnosis.score.bench_constants import settle_constants
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.settings import NARROW_RATE_HZ

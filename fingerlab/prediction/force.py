@@ -21,10 +21,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fingerlab.core.errors import UserError
-from fingerlab.diagnosis.equations.coefficients import DELAY, Coefficients, delay_weights, key_of, scale_key
-from fingerlab.diagnosis.equations.features import (
+from fingerlab.diagnosis.equations.coefficients import (
+    DELAY,
     SHIFT_SAMPLES,
     SLOPE,
+    Coefficients,
+    delay_weights,
+    key_of,
+    scale_key,
+)
+from fingerlab.diagnosis.equations.features import (
     Feature,
     base_columns,
     shifted_columns,

@@ -16,10 +16,10 @@ from threadpoolctl import threadpool_limits
 
 from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress, Watch
-from fingerlab.diagnosis.answer.wording import every_parameter
-from fingerlab.diagnosis.diagnose import settle_constants
+from fingerlab.diagnosis.answer.candidates import every_parameter
 from fingerlab.diagnosis.equations.model import Choice
 from fingerlab.diagnosis.gram.reduction import Reduction
+from fingerlab.diagnosis.score.bench_constants import settle_constants
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.search.grid_refinement import fit_refined

@@ -12,8 +12,9 @@ from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.diagnosis.equations.parameters import ARMS
 from fingerlab.diagnosis.score.calibration import Verdict
 from fingerlab.effects import find_effect
-from fingerlab.report.diagnosis_words import FAMILY_TITLES, effect_title, in_sentence, judged_on, run_proposed
+from fingerlab.report.diagnosis_words import FAMILY_TITLES, effect_title, in_sentence, judged_on
 from fingerlab.report.parameter_words import parameter_title
+from fingerlab.report.recording_words import run_proposed
 from fingerlab.report.score_words import apportioned
 
 TITLES = {

@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from math import exp
-from pathlib import Path
 
+from fingerlab.core.text import in_sentence as in_sentence
+from fingerlab.core.text import listed as listed
 from fingerlab.core.text import (
-    amount,
     percent,
     score_text,
     significant,
 )
-from fingerlab.core.text import in_sentence as in_sentence
-from fingerlab.core.text import listed as listed
 from fingerlab.diagnosis.answer.results import Candidate, Diagnosis, Failure, OtherModel
 from fingerlab.diagnosis.score.calibration import Verdict
 from fingerlab.diagnosis.settings import LACK_OF_FIT
 from fingerlab.effects import find_effect
 from fingerlab.report.parameter_words import held_words
-from fingerlab.rig.file import read_intervention
-from fingerlab.sessions.trajectory import trajectory_words
 
 Named = Callable[[Diagnosis, str], str]
 """What gives an effect's title in a diagnosis."""
@@ -60,15 +56,6 @@ like each other; assumed."""
 
 TWICE, TENTH = 2.0, 0.1
 """... and so is one that leaves so many times the error of the likeliest, and is so much less probable."""
-
-NO_CHANCE = 0.005
-"""Probability that is told as "< 1 %": no run is proposed for it."""
-
-MOST_PAIRED_NAMES = 3
-"""So many effects are named beside a pair's difference, those that tell it best."""
-
-LEAST_PAIRED = 0.02
-"""... and by so much of its floor better than the model as given; assumed."""
 
 
 def effect_title(effect: str) -> str:
@@ -481,156 +468,9 @@ def worth_adding(diagnosis: Diagnosis) -> tuple[str, ...]:
     return tuple(step.added for step in diagnosis.path if step.added is not None)
 
 
-def path_sentence(diagnosis: Diagnosis) -> str:
-    """What the error path says: how far each effect brings the error down, and what is left."""
-    added = worth_adding(diagnosis)
-    if not added:
-        return "No effect earns its place, so the path ends where it begins."
-    last = diagnosis.path[-1].score
-    steps = [
-        f"{in_sentence(s.title or on_the_path(diagnosis, s.added))}{_instead(diagnosis, s.removed)} to "
-        f"{score_text(s.score)}"
-        for s in diagnosis.path
-        if s.added is not None
-    ]
-    text = (
-        f"From {score_text(diagnosis.path[0].score)} the error comes down with {', then with '.join(steps)}"
-    )
-    left = " What then remains above the floor is not explained." if last > UNEXPLAINED else ""
-    left += " A law of it can be drafted (--draft, or Draft a law)." if last > WORTH_A_DRAFT else ""
-    return f"{text}. No further effect earns its place.{left}"
-
-
-def how_to_add(diagnosis: Diagnosis) -> str:
-    """The options that take all of the path; where it begins with another effect than the verdict, why."""
-    added = worth_adding(diagnosis)
-    if diagnosis.better is not None:
-        return f"To exchange it: {_options(diagnosis.better.effects)}"
-    if not added:
-        return ""
-    it = "it" if len(added) == 1 else "them"
-    text = f"To put {it} into the model: {_options((*diagnosis.model, *added))}"
-    if diagnosis.verdict != Verdict.MISSING_EFFECT or not diagnosis.candidates:
-        return text
-    best = shown_best_first(diagnosis)[0]
-    among_others = len(indistinguishable(diagnosis)) > 1 and added[0] in diagnosis.set
-    if best.effect == added[0] or among_others:
-        return text
-    end, ours = score_text(diagnosis.path[-1].score), score_text(best.score)
-    title = in_sentence(best.title)
-    path = f"{called_in_sentence(diagnosis, added, on_the_path)}{' together' if len(added) > 1 else ''}"
-    first = called_in_sentence(diagnosis, added[:1], on_the_path)
-    why = f"The path begins with {first}, although {title} is likelier as the one effect"
-    why += f": {path} leave{'s' * (len(added) == 1)} {end}, {title} alone {ours}"
-    other = "" if best.effect in added else f" For that one: {_options((*diagnosis.model, best.effect))}"
-    return f"{why}. {text}{'.' if other else ''}{other}"
-
-
-def _options(effects: Sequence[str]) -> str:
-    return " ".join(f"--add {name}" for name in effects)
-
-
-def _instead(diagnosis: Diagnosis, removed: str | None) -> str:
-    """In whose place a step of the path puts its effect; empty where it adds it."""
-    return f" in place of {in_sentence(called(diagnosis, removed))}" if removed else ""
-
-
 def failure_sentence(failure: Failure | None) -> str:
     """Where the model is furthest off."""
     if failure is None:
         return "No stretch stands out."
     text = failure.text.strip().rstrip(".")
     return f"{text[:1].upper()}{text[1:]}."
-
-
-def paired_sentence(diagnosis: Diagnosis) -> str:
-    """What models make of runs before a known change of the machine and with it; empty without such."""
-    sentences = []
-    for pair in diagnosis.paired:
-        where = f"Run {pair.before} and the same motion {pair.words} (run {pair.after}"
-        where += f" of {Path(pair.sessions[1]).name})" if len(set(pair.sessions)) > 1 else ")"
-        misses = f"the model as given misses their difference by {score_text(pair.score)} times its floor"
-        each = sorted((k, n) for n, k in pair.with_effect.items() if k < pair.score - LEAST_PAIRED)
-        best = [
-            f"{called_in_sentence(diagnosis, [name])} by {score_text(score)}"
-            for score, name in each[:MOST_PAIRED_NAMES]
-        ]
-        sentences.append(f"{where}: {misses}" + (f", with {listed(best)}." if best else "."))
-    return " ".join(sentences)
-
-
-def next_experiment_sentence(diagnosis: Diagnosis) -> str | None:
-    """What to record next and what that would tell apart or show; None where nothing is called for."""
-    proposal = diagnosis.next_experiment
-    if not proposal:
-        return None
-    phase, cable = str(proposal.get("phase") or ""), str(proposal.get("cable") or "none")
-    run = _motion_words(proposal.get("trajectory"))
-    run += f", {PHASE_WORDS.get(phase, phase)}" if phase else ""
-    run += f", {cable} cable" if cable != "none" else ""
-    change = proposal.get("intervention")
-    run += f", {read_intervention(change, 'The proposal').words()}" if change else ""
-    purpose, alone = _purpose_words(diagnosis), proposal.get("chance_alone")
-    text = f"Record next: {run}."
-    text += f" {purpose}{_gain_words(proposal.get('expected_separation'))}." if purpose else ""
-    if not isinstance(alone, int | float):
-        return text
-    if not run_proposed(diagnosis):
-        return (
-            f"No run is known that would settle it: after the best, {run}, the chance that the true one "
-            f"stands alone is {percent(alone)}."
-        )
-    if diagnosis.verdict == Verdict.NOTHING_MISSING:
-        return f"{text} The chance that the run settles that is {percent(alone)}."
-    return f"{text} The chance that the true one then stands alone is {percent(alone)}."
-
-
-def run_proposed(diagnosis: Diagnosis) -> bool:
-    """Whether a run is proposed that has a chance to settle what is missing."""
-    if not diagnosis.next_experiment:
-        return False
-    chance = diagnosis.next_experiment.get("chance_alone")
-    return not (isinstance(chance, int | float) and chance < NO_CHANCE)
-
-
-def next_experiment_words(diagnosis: Diagnosis) -> str:
-    """What to record next, or that nothing is known to be worth recording."""
-    sentence = next_experiment_sentence(diagnosis)
-    if sentence is not None:
-        return sentence
-    if diagnosis.verdict == Verdict.NOTHING_MISSING and not not_shown(diagnosis):
-        return "No further recording is called for."
-    settled = diagnosis.better is None or diagnosis.better.log_odds > CLEARLY_BETTER
-    if diagnosis.verdict == Verdict.MISSING_EFFECT and len(diagnosis.set) < 2 and settled:
-        return "No further recording is needed to tell what is missing."
-    return "No recording is known that would tell more."
-
-
-def _purpose_words(diagnosis: Diagnosis) -> str:
-    """What the proposed run would tell; one that looks for what was not seen separates it from nothing."""
-    effects = would_show(diagnosis)
-    if effects and diagnosis.verdict == Verdict.NOTHING_MISSING:
-        return f"It would show {called_in_sentence(diagnosis, effects)}, if there"
-    if len(effects) > 1:
-        first, others = (called_in_sentence(diagnosis, part) for part in (effects[:1], effects[1:]))
-        return f"It would tell {first} from {others}"
-    return ""
-
-
-def _motion_words(trajectory: object) -> str:
-    """The motor's motion, and the known load where there is one."""
-    if not isinstance(trajectory, Mapping):
-        return str(trajectory or "a run")
-    rest = dict(trajectory)
-    load = rest.pop("load_torque", None)
-    words = trajectory_words(rest)
-    if not isinstance(load, (int, float)) or load == 0:
-        return words
-    return f"{words}, against a known load of {amount(load, 'N m')}"
-
-
-def _gain_words(gain: object) -> str:
-    """Expected gain in log evidence (nats), beside what it takes to decide."""
-    if not isinstance(gain, (int, float)):
-        return ""
-    return f" (expected gain in log evidence {'over 100' if gain > 100 else f'{gain:.1f}'}; 5 decides)"

@@ -46,11 +46,12 @@ from fingerlab.report.equation_text import (
 from fingerlab.report.figure_style import NamedFigure, Pictures, save_figures
 from fingerlab.report.page_tables import calibration_rows, calibration_sentence, rig_hash, versions
 from fingerlab.report.pdf import pdf_of_page
+from fingerlab.report.recording_words import next_experiment_words, paired_sentence
 from fingerlab.report.score_words import (
     aside_sentence,
-    diagnose_each,
     error_rows_of_story,
     loose_sentence,
+    path_sentence,
     score_table,
     story,
     story_sentence,
@@ -185,16 +186,16 @@ def render(content: Content, progress: Progress) -> Page:
         every_effect=tables.all_effects(diagnosis),
         set_sentence=words.set_sentence(diagnosis),
         as_good=words.as_good_sentence(diagnosis),
-        paired=words.paired_sentence(diagnosis),
+        paired=paired_sentence(diagnosis),
         calibration_sentence=words.calibration_sentence(diagnosis),
-        path_sentence=words.path_sentence(diagnosis),
+        path_sentence=path_sentence(diagnosis),
         path_figure=pictures.draw(path_figure(diagnosis.path, diagnosis.model), "Error path"),
         failure=words.failure_sentence(diagnosis.failure),
         failure_picture=_failure_picture(diagnosis, pictures, len(sessions) > 1),
         profile_picture=_profile_picture(diagnosis, pictures),
         equations=_equations(diagnosis, pictures, len(sessions) > 1),
         candidates=[_candidate(c, pictures) for c in _drawn_candidates(diagnosis)],
-        next_experiment=words.next_experiment_words(diagnosis),
+        next_experiment=next_experiment_words(diagnosis),
         model_rows=tables.model_rows(content.bench),
         prediction=content.prediction,
         prediction_picture=_prediction_picture(content.prediction, pictures),
@@ -350,3 +351,39 @@ def _session(session: Session) -> dict[str, Any]:
 
 def _resource(folder: str, name: str) -> str:
     return resources.files("fingerlab.resources").joinpath(folder, name).read_text(encoding="utf-8")
+
+
+OTHERS_SHARE = 0.6
+"""Of the time: what the models before the last one take, of which no curves are drawn (assumed)."""
+
+
+def diagnose_each(
+    sessions: Sequence[Session],
+    added: Sequence[str],
+    progress: Progress | None = None,
+    cancelled: Callable[[], bool] | None = None,
+) -> list[Diagnosis]:
+    """The diagnoses of every model from the nominal one to that with all ``added``; the last has curves.
+
+    Raises:
+        UserError: as :func:`fingerlab.diagnosis.diagnose`.
+        Cancelled: ``cancelled`` answered True.
+    """
+    # Where they are wanted: a report of diagnoses that are there needs none of them.
+    from fingerlab.diagnosis import DiagnosisOptions, diagnose
+    from fingerlab.diagnosis.gram.reduction import Reduction
+    from fingerlab.effects import effect
+
+    for name in added:
+        effect(name)  # an id that nobody knows is told now, and not after the first diagnosis
+    watch, kept, found = Watch(progress, cancelled), Reduction(sessions), list[Diagnosis]()
+    for number in range(len(added) + 1):
+        last = number == len(added)
+        low = OTHERS_SHARE * number / max(len(added), 1)
+        high = 1.0 if last else OTHERS_SHARE * (number + 1) / len(added)
+
+        def part(share: float, what: str, low: float = low, high: float = high) -> None:
+            watch.tell(low + (high - low) * share, what)
+
+        found.append(diagnose(sessions, added[:number], part, cancelled, last, DiagnosisOptions(kept=kept)))
+    return found

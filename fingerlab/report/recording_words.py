@@ -1,11 +1,33 @@
-"""What is told of a recording before it is diagnosed: whether its runs are long enough."""
+"""Recordings in sentences: runs too short, a machine that was changed, and which run to record next."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
 
+from fingerlab.core.text import amount, listed, percent, score_text
+from fingerlab.diagnosis.answer.results import Diagnosis
+from fingerlab.diagnosis.score.calibration import Verdict
+from fingerlab.report.diagnosis_words import (
+    CLEARLY_BETTER,
+    PHASE_WORDS,
+    called_in_sentence,
+    not_shown,
+    would_show,
+)
+from fingerlab.rig.file import read_intervention
 from fingerlab.sessions import open_session
+from fingerlab.sessions.trajectory import trajectory_words
+
+NO_CHANCE = 0.005
+"""Probability that is told as "< 1 %": no run is proposed for it."""
+
+MOST_PAIRED_NAMES = 3
+"""So many effects are named beside a pair's difference, those that tell it best."""
+
+LEAST_PAIRED = 0.02
+"""... and by so much of its floor better than the model as given; assumed."""
 
 
 def short_runs_words(path: Path) -> str:
@@ -34,3 +56,96 @@ def short_runs_words(path: Path) -> str:
         f"for a diagnosis: of this machine it needs {LEAST_SECONDS * scales.time:.3g} s a run, for {why}. "
         f"Record longer runs{', or log faster' if by_rate else ''}."
     )
+
+
+def paired_sentence(diagnosis: Diagnosis) -> str:
+    """What models make of runs before a known change of the machine and with it; empty without such."""
+    sentences = []
+    for pair in diagnosis.paired:
+        where = f"Run {pair.before} and the same motion {pair.words} (run {pair.after}"
+        where += f" of {Path(pair.sessions[1]).name})" if len(set(pair.sessions)) > 1 else ")"
+        misses = f"the model as given misses their difference by {score_text(pair.score)} times its floor"
+        each = sorted((k, n) for n, k in pair.with_effect.items() if k < pair.score - LEAST_PAIRED)
+        best = [
+            f"{called_in_sentence(diagnosis, [name])} by {score_text(score)}"
+            for score, name in each[:MOST_PAIRED_NAMES]
+        ]
+        sentences.append(f"{where}: {misses}" + (f", with {listed(best)}." if best else "."))
+    return " ".join(sentences)
+
+
+def next_experiment_sentence(diagnosis: Diagnosis) -> str | None:
+    """What to record next and what that would tell apart or show; None where nothing is called for."""
+    proposal = diagnosis.next_experiment
+    if not proposal:
+        return None
+    phase, cable = str(proposal.get("phase") or ""), str(proposal.get("cable") or "none")
+    run = _motion_words(proposal.get("trajectory"))
+    run += f", {PHASE_WORDS.get(phase, phase)}" if phase else ""
+    run += f", {cable} cable" if cable != "none" else ""
+    change = proposal.get("intervention")
+    run += f", {read_intervention(change, 'The proposal').words()}" if change else ""
+    purpose, alone = _purpose_words(diagnosis), proposal.get("chance_alone")
+    text = f"Record next: {run}."
+    text += f" {purpose}{_gain_words(proposal.get('expected_separation'))}." if purpose else ""
+    if not isinstance(alone, int | float):
+        return text
+    if not run_proposed(diagnosis):
+        return (
+            f"No run is known that would settle it: after the best, {run}, the chance that the true one "
+            f"stands alone is {percent(alone)}."
+        )
+    if diagnosis.verdict == Verdict.NOTHING_MISSING:
+        return f"{text} The chance that the run settles that is {percent(alone)}."
+    return f"{text} The chance that the true one then stands alone is {percent(alone)}."
+
+
+def run_proposed(diagnosis: Diagnosis) -> bool:
+    """Whether a run is proposed that has a chance to settle what is missing."""
+    if not diagnosis.next_experiment:
+        return False
+    chance = diagnosis.next_experiment.get("chance_alone")
+    return not (isinstance(chance, int | float) and chance < NO_CHANCE)
+
+
+def next_experiment_words(diagnosis: Diagnosis) -> str:
+    """What to record next, or that nothing is known to be worth recording."""
+    sentence = next_experiment_sentence(diagnosis)
+    if sentence is not None:
+        return sentence
+    if diagnosis.verdict == Verdict.NOTHING_MISSING and not not_shown(diagnosis):
+        return "No further recording is called for."
+    settled = diagnosis.better is None or diagnosis.better.log_odds > CLEARLY_BETTER
+    if diagnosis.verdict == Verdict.MISSING_EFFECT and len(diagnosis.set) < 2 and settled:
+        return "No further recording is needed to tell what is missing."
+    return "No recording is known that would tell more."
+
+
+def _purpose_words(diagnosis: Diagnosis) -> str:
+    """What the proposed run would tell; one that looks for what was not seen separates it from nothing."""
+    effects = would_show(diagnosis)
+    if effects and diagnosis.verdict == Verdict.NOTHING_MISSING:
+        return f"It would show {called_in_sentence(diagnosis, effects)}, if there"
+    if len(effects) > 1:
+        first, others = (called_in_sentence(diagnosis, part) for part in (effects[:1], effects[1:]))
+        return f"It would tell {first} from {others}"
+    return ""
+
+
+def _motion_words(trajectory: object) -> str:
+    """The motor's motion, and the known load where there is one."""
+    if not isinstance(trajectory, Mapping):
+        return str(trajectory or "a run")
+    rest = dict(trajectory)
+    load = rest.pop("load_torque", None)
+    words = trajectory_words(rest)
+    if not isinstance(load, (int, float)) or load == 0:
+        return words
+    return f"{words}, against a known load of {amount(load, 'N m')}"
+
+
+def _gain_words(gain: object) -> str:
+    """Expected gain in log evidence (nats), beside what it takes to decide."""
+    if not isinstance(gain, (int, float)):
+        return ""
+    return f" (expected gain in log evidence {'over 100' if gain > 100 else f'{gain:.1f}'}; 5 decides)"

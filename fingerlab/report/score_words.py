@@ -3,27 +3,33 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby, pairwise
 from typing import Any
 
-from fingerlab.core.progress import Progress, Watch
 from fingerlab.core.text import decimals_for, fixed, percent, printed, score_text, screen_unit
 from fingerlab.diagnosis.answer.error_parts import EQUATIONS, ExcludedByMotion, ScorePart
 from fingerlab.diagnosis.answer.results import Candidate, Diagnosis
+from fingerlab.diagnosis.score.calibration import Verdict
 from fingerlab.diagnosis.settings import LACK_OF_FIT
 from fingerlab.report.diagnosis_words import (
     FAMILY_TITLES,
     PHASE_WORDS,
+    UNEXPLAINED,
+    WORTH_A_DRAFT,
+    called,
+    called_in_sentence,
     effect_title,
     in_sentence,
+    indistinguishable,
     judged_on,
     listed,
     on_the_path,
+    shown_best_first,
+    worth_adding,
 )
 from fingerlab.report.parameter_words import held_words
-from fingerlab.sessions.model import Session
 
 EQUATION_NAMES = {name: one.name for name, one in EQUATIONS.items()} | {"tip_depth": "the tip's depth"}
 
@@ -244,42 +250,6 @@ def score_words(diagnosis: Diagnosis) -> str:
     return " ".join(filter(None, said))
 
 
-OTHERS_SHARE = 0.6
-"""Of the time: what the models before the last one take, of which no curves are drawn (assumed)."""
-
-
-def diagnose_each(
-    sessions: Sequence[Session],
-    added: Sequence[str],
-    progress: Progress | None = None,
-    cancelled: Callable[[], bool] | None = None,
-) -> list[Diagnosis]:
-    """The diagnoses of every model from the nominal one to that with all ``added``; the last has curves.
-
-    Raises:
-        UserError: as :func:`fingerlab.diagnosis.diagnose`.
-        Cancelled: ``cancelled`` answered True.
-    """
-    # Here, so that a window which only tells the story opens without waiting for them.
-    from fingerlab.diagnosis import diagnose
-    from fingerlab.diagnosis.gram.reduction import Reduction
-    from fingerlab.effects import effect
-
-    for name in added:
-        effect(name)  # an id that nobody knows is told now, and not after the first diagnosis
-    watch, kept, found = Watch(progress, cancelled), Reduction(sessions), list[Diagnosis]()
-    for number in range(len(added) + 1):
-        last = number == len(added)
-        low = OTHERS_SHARE * number / max(len(added), 1)
-        high = 1.0 if last else OTHERS_SHARE * (number + 1) / len(added)
-
-        def part(share: float, what: str, low: float = low, high: float = high) -> None:
-            watch.tell(low + (high - low) * share, what)
-
-        found.append(diagnose(sessions, added[:number], part, cancelled, with_curves=last, kept=kept))
-    return found
-
-
 @dataclass(frozen=True)
 class StoryStep:
     """One step from model to model. Scores are errors on runs left out of the fit, in floors.
@@ -384,3 +354,57 @@ def story_sentence(models: Sequence[Diagnosis]) -> str:
         f"The error on {judged_on(models[-1])} went from {score_text(models[0].score)} times the floor "
         f"with {'the nominal model' if not models[0].model else 'the first model'} {', then '.join(clauses)}."
     )
+
+
+def path_sentence(diagnosis: Diagnosis) -> str:
+    """What the error path says: how far each effect brings the error down, and what is left."""
+    added = worth_adding(diagnosis)
+    if not added:
+        return "No effect earns its place, so the path ends where it begins."
+    last = diagnosis.path[-1].score
+    steps = [
+        f"{in_sentence(s.title or on_the_path(diagnosis, s.added))}{_instead(diagnosis, s.removed)} to "
+        f"{score_text(s.score)}"
+        for s in diagnosis.path
+        if s.added is not None
+    ]
+    text = (
+        f"From {score_text(diagnosis.path[0].score)} the error comes down with {', then with '.join(steps)}"
+    )
+    left = " What then remains above the floor is not explained." if last > UNEXPLAINED else ""
+    left += " A law of it can be drafted (--draft, or Draft a law)." if last > WORTH_A_DRAFT else ""
+    return f"{text}. No further effect earns its place.{left}"
+
+
+def how_to_add(diagnosis: Diagnosis) -> str:
+    """The options that take all of the path; where it begins with another effect than the verdict, why."""
+    added = worth_adding(diagnosis)
+    if diagnosis.better is not None:
+        return f"To exchange it: {_options(diagnosis.better.effects)}"
+    if not added:
+        return ""
+    it = "it" if len(added) == 1 else "them"
+    text = f"To put {it} into the model: {_options((*diagnosis.model, *added))}"
+    if diagnosis.verdict != Verdict.MISSING_EFFECT or not diagnosis.candidates:
+        return text
+    best = shown_best_first(diagnosis)[0]
+    among_others = len(indistinguishable(diagnosis)) > 1 and added[0] in diagnosis.set
+    if best.effect == added[0] or among_others:
+        return text
+    end, ours = score_text(diagnosis.path[-1].score), score_text(best.score)
+    title = in_sentence(best.title)
+    path = f"{called_in_sentence(diagnosis, added, on_the_path)}{' together' if len(added) > 1 else ''}"
+    first = called_in_sentence(diagnosis, added[:1], on_the_path)
+    why = f"The path begins with {first}, although {title} is likelier as the one effect"
+    why += f": {path} leave{'s' * (len(added) == 1)} {end}, {title} alone {ours}"
+    other = "" if best.effect in added else f" For that one: {_options((*diagnosis.model, best.effect))}"
+    return f"{why}. {text}{'.' if other else ''}{other}"
+
+
+def _options(effects: Sequence[str]) -> str:
+    return " ".join(f"--add {name}" for name in effects)
+
+
+def _instead(diagnosis: Diagnosis, removed: str | None) -> str:
+    """In whose place a step of the path puts its effect; empty where it adds it."""
+    return f" in place of {in_sentence(called(diagnosis, removed))}" if removed else ""

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fingerlab.core.errors import UserError
-from fingerlab.diagnosis import diagnose
+from fingerlab.diagnosis import DiagnosisOptions, diagnose
 from fingerlab.diagnosis.answer.parameter_explorer import ParameterExplorer
 from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.diagnosis.equations.parameters import nuisance_ranges
@@ -36,7 +36,7 @@ def kept(session: Session) -> Reduction:
 
 @pytest.fixture(scope="module")
 def found(session: Session, kept: Reduction) -> Diagnosis:
-    return diagnose([session], [EFFECT], kept=kept)
+    return diagnose([session], [EFFECT], options=DiagnosisOptions(kept=kept))
 
 
 @pytest.fixture(scope="module")
@@ -105,7 +105,8 @@ def test_what_is_held_stays_and_is_named_wherever_the_verdict_is(
     session: Session, kept: Reduction, found: Diagnosis
 ) -> None:
     wanted = 1.05 * BENCH.arms[-1][1]
-    held = diagnose([session], [EFFECT], kept=kept, held={ARM: wanted}, with_curves=False)
+    options = DiagnosisOptions(kept=kept, held={ARM: wanted})
+    held = diagnose([session], [EFFECT], with_curves=False, options=options)
     estimate = held.parameters[ARM]
     assert estimate.value == pytest.approx(wanted, rel=1e-9)
     assert estimate.high - estimate.low < 1e-6
@@ -120,7 +121,7 @@ def test_what_is_held_stays_and_is_named_wherever_the_verdict_is(
     assert one.key == ARM
     assert one.low < wanted < one.high
     assert parameter_words.known_by(one) == "held by hand"
-    again = diagnose([session], [EFFECT], kept=kept, with_curves=False)
+    again = diagnose([session], [EFFECT], with_curves=False, options=DiagnosisOptions(kept=kept))
     assert again.score == found.score
     assert again.to_json()["candidates"] == found.to_json()["candidates"]
     assert "held" not in again.to_json()
@@ -135,7 +136,7 @@ def test_what_cannot_be_held_is_refused(
     session: Session, kept: Reduction, held: dict[str, float], why: str
 ) -> None:
     with pytest.raises(UserError, match=why):
-        diagnose([session], [EFFECT], kept=kept, held=held, with_curves=False)
+        diagnose([session], [EFFECT], with_curves=False, options=DiagnosisOptions(kept=kept, held=held))
 
 
 def test_every_unknown_of_a_bench_has_its_words_and_unit() -> None:

@@ -14,7 +14,7 @@ import pytest
 from fingerlab.diagnosis import diagnose
 from fingerlab.diagnosis.gram.run_sums import sums_of_difference
 from fingerlab.diagnosis.signals.conditions import changed_pairs, with_interventions
-from fingerlab.report.diagnosis_words import next_experiment_sentence, paired_sentence
+from fingerlab.report.recording_words import next_experiment_sentence, paired_sentence
 from fingerlab.rig.file import Intervention
 from fingerlab.sessions.model import Run, Session
 

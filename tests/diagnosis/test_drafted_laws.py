@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from fingerlab.core.text import ParameterEstimate
-from fingerlab.diagnosis.diagnose import settle_constants
 from fingerlab.diagnosis.draft.laws import DraftLaw, LawTerm, cause, draft_laws
 from fingerlab.diagnosis.draft.library import library
 from fingerlab.diagnosis.draft.own_file import own_effect_text
 from fingerlab.diagnosis.draft.terms import PLACES, VARIABLES, DraftTerm, TermColumns
 from fingerlab.diagnosis.gram.reduction import Reduction
+from fingerlab.diagnosis.score.bench_constants import settle_constants
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.effects import CATALOGUE, Effect, own
 from fingerlab.effects.own_checks import _probes

@@ -7,12 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fingerlab.diagnosis.equations.coefficients import SHIFTS_S, SLOPE, shift_weights, slope_weights
 from fingerlab.diagnosis.equations.features import (
-    SHIFTS_S,
-    SLOPE,
     base_columns,
-    shift_weights,
-    slope_weights,
     turned_columns,
 )
 from fingerlab.diagnosis.equations.model import build

@@ -10,7 +10,7 @@ import pytest
 from scipy.optimize import lsq_linear
 from scipy.signal import firwin, freqz
 
-from fingerlab.diagnosis.answer.wording import deviations
+from fingerlab.diagnosis.answer.candidates import deviations
 from fingerlab.diagnosis.fit.bounded_step import bounded_step
 from fingerlab.diagnosis.fit.data import Data
 from fingerlab.diagnosis.fit.solver import Fitter

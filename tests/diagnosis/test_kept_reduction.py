@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from fingerlab.core.errors import Cancelled
-from fingerlab.diagnosis import diagnose
+from fingerlab.diagnosis import DiagnosisOptions, diagnose
 from fingerlab.diagnosis.answer.results import Diagnosis, FirstLook
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.effects import CATALOGUE
@@ -41,7 +41,8 @@ def session() -> Session:
 def left(session: Session) -> tuple[Reduction, Diagnosis]:
     """What is left of a diagnosis of the nominal model, and of other effects that were added and undone."""
     kept = Reduction([session])
-    *_, last = [diagnose([session], added, kept=kept) for added in ((), ("joint_stop",), GIVEN)]
+    options = DiagnosisOptions(kept=kept)
+    *_, last = [diagnose([session], added, options=options) for added in ((), ("joint_stop",), GIVEN)]
     return kept, last
 
 
@@ -60,7 +61,8 @@ def test_an_added_effect_is_judged_as_by_a_fresh_diagnosis(
 ) -> None:
     looks: list[FirstLook] = []
     kept, before = left
-    found = diagnose([session], added, kept=kept, first=looks.append, before=before)
+    options = DiagnosisOptions(kept=kept, first=looks.append, before=before)
+    found = diagnose([session], added, options=options)
     assert told(found) == fresh(added)
     assert {look.model for look in looks} == ({tuple(added)} if added else set())
     for look in looks[-1:]:
@@ -97,12 +99,12 @@ def test_columns_are_formed_once_for_each_segment(session: Session) -> None:
 def test_files_are_read_once(shared_data: Path) -> None:
     session = open_session(shared_data / "bench-small.h5")
     kept = Reduction([session])
-    diagnose([session], kept=kept)
+    diagnose([session], options=DiagnosisOptions(kept=kept))
     read = []
     for run in session.runs:
         load = run.load
         object.__setattr__(run, "load", lambda *a, load=load: read.append(a) or load(*a))
-    diagnose([session], ("coulomb_friction",), kept=kept, with_curves=False)
+    diagnose([session], ("coulomb_friction",), with_curves=False, options=DiagnosisOptions(kept=kept))
     assert not read
 
 
@@ -116,13 +118,14 @@ def test_a_pass_that_was_stopped_leaves_nothing(
         return len(asked) > 3
 
     with pytest.raises(Cancelled):
-        diagnose([session], cancelled=stop, kept=kept)
-    assert told(diagnose([session], GIVEN[:1], kept=kept)) == fresh(GIVEN[:1])
+        diagnose([session], cancelled=stop, options=DiagnosisOptions(kept=kept))
+    assert told(diagnose([session], GIVEN[:1], options=DiagnosisOptions(kept=kept))) == fresh(GIVEN[:1])
 
 
 def test_another_catalogue_begins_anew(session: Session, left: tuple[Reduction, Diagnosis]) -> None:
-    without = {"left_out": ["coulomb_friction"]}
-    assert told(diagnose([session], kept=left[0], **without)) == told(diagnose([session], **without))
+    without = DiagnosisOptions(left_out=["coulomb_friction"])
+    again = diagnose([session], options=replace(without, kept=left[0]))
+    assert told(again) == told(diagnose([session], options=without))
 
 
 def test_what_has_no_room_is_read_again(
@@ -130,8 +133,8 @@ def test_what_has_no_room_is_read_again(
 ) -> None:
     monkeypatch.setattr("fingerlab.diagnosis.gram.decimation.MOST_BYTES", 0)
     kept = Reduction([session])
-    diagnose([session], kept=kept)
-    found = diagnose([session], GIVEN[:1], kept=kept)
+    diagnose([session], options=DiagnosisOptions(kept=kept))
+    found = diagnose([session], GIVEN[:1], options=DiagnosisOptions(kept=kept))
     assert told(found) == fresh(GIVEN[:1])
 
 

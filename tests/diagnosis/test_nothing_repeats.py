@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from fingerlab.diagnosis import diagnose
+from fingerlab.diagnosis import DiagnosisOptions, diagnose
 from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.report.diagnosis_words import verdict_sentence
 from fingerlab.sessions import open_session
@@ -44,7 +44,9 @@ def told(
     write_session(path, load_preset(), "rich", shortened(20.0), effects, seed)
     session = open_session(path)
     runs = tuple(one for run in session.runs if (one := kept(run)) is not None)
-    return diagnose([replace(session, runs=runs)], with_curves=False, left_out=left_out)
+    return diagnose(
+        [replace(session, runs=runs)], with_curves=False, options=DiagnosisOptions(left_out=left_out)
+    )
 
 
 @pytest.mark.parametrize("seed", [101])

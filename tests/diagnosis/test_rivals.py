@@ -11,6 +11,7 @@ from fingerlab.diagnosis.answer.results import OtherModel, PathStep
 from fingerlab.diagnosis.score.evidence import judge, with_lack_of_fit, with_rivals
 from fingerlab.effects import CATALOGUE
 from fingerlab.report import diagnosis_words as words
+from fingerlab.report.score_words import path_sentence
 from tests.ui import invented
 
 from .invented import at_score
@@ -110,7 +111,7 @@ def test_an_exchange_is_told_with_its_figures() -> None:
         "friction takes the error on runs left out of the fit from 1.60 to 1.06 times the bench's own "
         "repeatability. It is 20 times as likely."
     )
-    assert "Stribeck joint friction in place of Coulomb joint friction to 1.06" in words.path_sentence(wrong)
+    assert "Stribeck joint friction in place of Coulomb joint friction to 1.06" in path_sentence(wrong)
     told = wrong.to_json()
     assert told["better_model"] == {
         "remove": ["coulomb_friction"],

@@ -8,13 +8,12 @@ import numpy as np
 import pytest
 
 from fingerlab.core.errors import Cancelled
-from fingerlab.diagnosis import diagnose
-from fingerlab.diagnosis.diagnose import likeliest_constants, settle_constants
+from fingerlab.diagnosis import DiagnosisOptions, diagnose
 from fingerlab.diagnosis.equations.features import FeatureSet
-from fingerlab.diagnosis.fit.run_spreads import find_constants
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.gram.run_constants import EquationWeights, RunConstants, RunTotals, schur_complement
 from fingerlab.diagnosis.gram.sums import Sums
+from fingerlab.diagnosis.score.bench_constants import find_constants, likeliest_constants, settle_constants
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
 from fingerlab.effects.base import Row
@@ -155,7 +154,7 @@ def test_constants_that_one_answer_found_are_no_part_of_the_next() -> None:
     """What the second look at a bench found, or was stopped in, is looked for anew whatever is asked next."""
     drifting = _drifting()
     kept = Reduction([drifting])
-    first = diagnose([drifting], with_curves=False, kept=kept)
+    first = diagnose([drifting], with_curves=False, options=DiagnosisOptions(kept=kept))
     assert first.constants is not None
     assert kept.constants is first.constants
 
@@ -165,9 +164,11 @@ def test_constants_that_one_answer_found_are_no_part_of_the_next() -> None:
         return bool(seen) and seen[-1] > 0.9
 
     with pytest.raises(Cancelled):
-        diagnose([drifting], progress=lambda share, _: seen.append(share), cancelled=stop, kept=kept)
+        diagnose(
+            [drifting], (), lambda share, _: seen.append(share), stop, options=DiagnosisOptions(kept=kept)
+        )
     for added in ((), ("viscous_friction",)):
-        again = diagnose([drifting], added, with_curves=False, kept=kept)
+        again = diagnose([drifting], added, with_curves=False, options=DiagnosisOptions(kept=kept))
         fresh = diagnose([drifting], added, with_curves=False)
         assert again.score == fresh.score
         assert [(c.effect, c.probability) for c in again.candidates] == [

@@ -11,7 +11,7 @@ from click.testing import CliRunner
 from fingerlab.cli.main import cli
 from fingerlab.core import progress
 from fingerlab.core.errors import UserError
-from fingerlab.diagnosis import diagnose
+from fingerlab.diagnosis import DiagnosisOptions, diagnose
 from fingerlab.diagnosis.equations.model import Choice
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.search.next_effect import ScoreTest
@@ -50,7 +50,9 @@ def test_two_processes_give_what_one_gives_to_the_last_bit(
     alone = diagnose([open_session(recorded)], with_curves=False)
     with progress.second_process([recorded], REDUCTION) as executor:
         assert executor is not None
-        shared = diagnose([open_session(recorded)], with_curves=False, executor=executor)
+        shared = diagnose(
+            [open_session(recorded)], with_curves=False, options=DiagnosisOptions(executor=executor)
+        )
     assert [(c.effect, c.score, c.probability) for c in shared.candidates] == [
         (c.effect, c.score, c.probability) for c in alone.candidates
     ]
@@ -72,7 +74,7 @@ def test_a_fault_that_the_second_process_meets_is_told_in_one_sentence(
         progress.second_process([broken], REDUCTION) as executor,
         pytest.raises(UserError, match="mcp_angle"),
     ):
-        diagnose([open_session(broken)], with_curves=False, executor=executor)
+        diagnose([open_session(broken)], with_curves=False, options=DiagnosisOptions(executor=executor))
 
 
 def test_small_files_start_no_second_process(recorded: Path) -> None:

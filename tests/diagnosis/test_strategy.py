@@ -8,12 +8,10 @@ from __future__ import annotations
 import pytest
 
 from fingerlab.diagnosis.score.fitted_model import FittedModel
-from fingerlab.diagnosis.search.path import one_more_each
+from fingerlab.diagnosis.search.path import earns_its_steps, one_more_each, worth_a_further_effect
 from fingerlab.diagnosis.search.strategy import (
     FirstStep,
     RefinedPath,
-    earns_its_steps,
-    worth_a_further_effect,
     worth_restarting,
 )
 

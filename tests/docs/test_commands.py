@@ -99,7 +99,11 @@ def shelf(tmp_path_factory: pytest.TempPathFactory, patched: pytest.MonkeyPatch)
     for name, plans in list(protocols.items()):
         patched.setitem(protocols, name, shortened(plans))  # type: ignore[arg-type]
     others = [name for name in CATALOGUE if name not in ASKED_FOR]
-    diagnose = Remembered(fingerlab.diagnosis.diagnose, whole=True, left_out=others)
+    diagnose = Remembered(
+        fingerlab.diagnosis.diagnose,
+        whole=True,
+        options=fingerlab.diagnosis.DiagnosisOptions(left_out=others),
+    )
     for module in (fingerlab.diagnosis, fingerlab.batch.table):
         patched.setattr(module, "diagnose", diagnose)
     # In this process, which remembers.

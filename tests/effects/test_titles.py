@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fingerlab.diagnosis.answer.wording import parameter_title
+from fingerlab.diagnosis.answer.candidates import parameter_title
 from fingerlab.effects import whole_catalogue
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from fingerlab.core.errors import UserError
-from fingerlab.diagnosis import diagnose
+from fingerlab.diagnosis import DiagnosisOptions, diagnose
 from fingerlab.diagnosis.equations.features import Layout
 from fingerlab.diagnosis.fit.noise import floor_covariance, noise_covariance
 from fingerlab.diagnosis.gram.sums import Group, Sums
@@ -32,7 +32,9 @@ NOMINAL = "nominal"
 
 def diagnosis_without(paths: Sequence[Path], left_out: Sequence[str]) -> dict[str, Any]:
     """The JSON of a diagnosis with a catalogue that lacks some effects."""
-    said = diagnose([open_session(path) for path in paths], with_curves=False, left_out=left_out)
+    said = diagnose(
+        [open_session(path) for path in paths], with_curves=False, options=DiagnosisOptions(left_out=left_out)
+    )
     return said.to_json()
 
 

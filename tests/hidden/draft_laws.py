@@ -16,7 +16,7 @@ import click
 from joblib import Parallel, delayed
 from threadpoolctl import threadpool_limits
 
-from fingerlab.diagnosis import diagnose
+from fingerlab.diagnosis import DiagnosisOptions, diagnose
 from fingerlab.diagnosis.draft.laws import DraftLaw, draft_laws
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.settings import DRAFT_LEAST
@@ -99,7 +99,9 @@ def try_draft(trial: Trial) -> Entry:
             record(trial, path)
             sessions = [open_session(path)]
             kept = Reduction(sessions)
-            said = diagnose(sessions, with_curves=False, left_out=trial.left_out, kept=kept)
+            said = diagnose(
+                sessions, with_curves=False, options=DiagnosisOptions(left_out=trial.left_out, kept=kept)
+            )
             start = time.perf_counter()
             best = [c.effect for c in sorted(said.candidates, key=lambda c: c.score)]
             laws = draft_laws(kept, said.last, said.fitted, best)

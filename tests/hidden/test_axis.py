@@ -13,7 +13,8 @@ from fingerlab.diagnosis import diagnose
 from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.diagnosis.signals.scales import find_scales
 from fingerlab.effects import CATALOGUE
-from fingerlab.report.diagnosis_words import UNEXPLAINED, path_sentence, verdict_sentence
+from fingerlab.report.diagnosis_words import UNEXPLAINED, verdict_sentence
+from fingerlab.report.score_words import path_sentence
 from fingerlab.rig.file import Motor, Rig
 from fingerlab.sessions import open_session
 from fingerlab.sessions.model import Run, Session

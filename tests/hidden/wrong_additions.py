@@ -16,7 +16,7 @@ from typing import Any
 import click
 from threadpoolctl import threadpool_limits
 
-from fingerlab.diagnosis import diagnose
+from fingerlab.diagnosis import DiagnosisOptions, diagnose
 from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.effects import CATALOGUE
@@ -64,7 +64,9 @@ def try_effect(effect: str, seed: int, protocol: str) -> list[dict[str, Any]]:
         kept = Reduction(sessions)
         for added in (*relatives(effect), effect):
             try:
-                said = told(diagnose(sessions, [added], with_curves=False, kept=kept))
+                said = told(
+                    diagnose(sessions, [added], with_curves=False, options=DiagnosisOptions(kept=kept))
+                )
             except Exception as error:  # counted as wrong
                 said = {"failed": f"{type(error).__name__}: {error}"}
             result.append({**about, "added": added, **said})

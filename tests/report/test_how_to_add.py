@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from fingerlab.diagnosis.answer.results import Diagnosis, PathStep
-from fingerlab.report.diagnosis_words import how_to_add
+from fingerlab.report.score_words import how_to_add
 from tests.ui import invented
 
 

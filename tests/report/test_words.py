@@ -8,7 +8,8 @@ import pytest
 
 from fingerlab.diagnosis.answer.results import Diagnosis, EquationError, PathStep, RunShare
 from fingerlab.diagnosis.score.calibration import CalibratedAnswer
-from fingerlab.report.diagnosis_words import next_experiment_words, set_sentence, verdict_sentence
+from fingerlab.report.diagnosis_words import set_sentence, verdict_sentence
+from fingerlab.report.recording_words import next_experiment_words
 from fingerlab.report.score_words import loose_sentence
 from fingerlab.ui.lab.result_words import set_words
 

@@ -28,9 +28,8 @@ from fingerlab.ui.acquire.connect_page import MODEL, ConnectPage
 from fingerlab.ui.acquire.recording_control import DetailsDialog
 from fingerlab.ui.app.window import MainWindow, ask_to_run
 from fingerlab.ui.calibrate.calibrate_tab import ask_to_leave
-from fingerlab.ui.lab.drafts import DraftDialog
 from fingerlab.ui.lab.model_dialogs import NotesDialog, TriedDialog
-from fingerlab.ui.lab.own_effects import OwnEffects
+from fingerlab.ui.lab.own_effects import DraftDialog, OwnEffects
 from fingerlab.ui.lab.own_effects import ask_to_leave as ask_to_leave_text
 from fingerlab.ui.sessions.force_trial import TrialDialog
 from fingerlab.ui.sessions.import_dialog import ImportDialog
@@ -428,7 +427,7 @@ DIALOGS = (
     Surface(
         "Drafted laws",
         (_drafted,),
-        ("lab/drafts.py:DraftDialog",),
+        ("lab/own_effects.py:DraftDialog",),
         "model_lab",
     ),
     Surface(

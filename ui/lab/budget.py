@@ -18,7 +18,8 @@ from fingerlab.report.budget_words import (
     main_family,
     mending_sentence,
 )
-from fingerlab.report.diagnosis_words import FAMILY_TITLES, in_sentence, run_proposed
+from fingerlab.report.diagnosis_words import FAMILY_TITLES, in_sentence
+from fingerlab.report.recording_words import run_proposed
 
 from ..widgets.layout import described, hbox, resize_on_screen, vbox
 from ..widgets.plots import QuietPlot

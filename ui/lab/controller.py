@@ -131,12 +131,12 @@ class SessionDiagnosis:
         first: Callable[[FirstLook], None] | None = None,
     ) -> Diagnosis:
         """Called in the worker, where it is imported, so that the window opens without waiting for it."""
-        from fingerlab.diagnosis import diagnose
+        from fingerlab.diagnosis import DiagnosisOptions, diagnose
 
-        kept = self._reduction(sessions)
-        self._last = diagnose(
-            sessions, added, progress, cancelled, kept=kept, held=dict(held), first=first, before=self._last
+        options = DiagnosisOptions(
+            held=dict(held), kept=self._reduction(sessions), first=first, before=self._last
         )
+        self._last = diagnose(sessions, added, progress, cancelled, options=options)
         return self._last
 
     def at_hand(

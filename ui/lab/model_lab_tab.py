@@ -250,7 +250,7 @@ class ModelLabTab(Tab):
 
     def draft_a_law(self) -> None:
         """Laws for what is missing and not in the catalogue, in a window of their own."""
-        from .drafts import DraftDialog
+        from .own_effects import DraftDialog
 
         def show(laws: tuple[DraftLaw, ...]) -> None:
             dialog = DraftDialog(self.pages)

@@ -32,7 +32,6 @@ from fingerlab.report.diagnosis_words import (
     worth_adding,
     would_show,
 )
-from fingerlab.report.diagnosis_words import next_experiment_words as next_experiment_words
 from fingerlab.report.documents import meaning
 from fingerlab.rig.file import changed_words
 from fingerlab.sessions.model import Session

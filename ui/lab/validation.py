@@ -25,10 +25,10 @@ from fingerlab.report.diagnosis_words import (
     in_sentence,
     listed,
     on_the_path,
-    paired_sentence,
     rivalled,
     unsure,
 )
+from fingerlab.report.recording_words import next_experiment_words, paired_sentence
 from fingerlab.report.score_words import loose_sentence
 from fingerlab.sessions.model import Session
 
@@ -38,7 +38,7 @@ from ..widgets.layout import ButtonRows, described
 from ..widgets.tables import NumberTable, WholeLabel
 from ..widgets.theme import large_font, small_font
 from .controller import LabController, ModelHistory
-from .result_words import error_texts, motor_words, next_experiment_words
+from .result_words import error_texts, motor_words
 
 if TYPE_CHECKING:
     from fingerlab.models.file import SavedModel

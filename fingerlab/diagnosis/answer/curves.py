@@ -10,9 +10,21 @@ import numpy as np
 
 from fingerlab.diagnosis.answer.error_parts import EQUATIONS, ROW_EQUATIONS, Comparison, ExcludedInterval
 from fingerlab.diagnosis.answer.results import Failure, Fingerprint
-from fingerlab.diagnosis.equations.features import FORCE
+from fingerlab.diagnosis.answer.stretches import (
+    TENSION_BY_WAY,
+    TORQUE_BY_WAY,
+    Kept,
+    RunOffsets,
+    arms_of,
+    kept_stretch,
+    left_aside,
+    measured_force,
+    measured_side,
+    residual_of,
+    unit_of_place,
+)
 from fingerlab.diagnosis.fit.noise import floor_covariance
-from fingerlab.diagnosis.gram.decimation import Decimated, counted
+from fingerlab.diagnosis.gram.decimation import Decimated
 from fingerlab.diagnosis.gram.sums import Group, Reduced
 from fingerlab.diagnosis.score.evidence import Evidence
 from fingerlab.diagnosis.score.fitted_model import FittedModel
@@ -30,39 +42,16 @@ from fingerlab.diagnosis.settings import (
     STANDS_STILL,
     Z90,
 )
-from fingerlab.diagnosis.signals.conditions import GroupKey, group_key
-from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE, decimate
+from fingerlab.diagnosis.signals.conditions import GroupKey
+from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
 from fingerlab.diagnosis.signals.scales import SI, Scales
-from fingerlab.effects.base import COORDINATE_UNITS, Effect, Row
-from fingerlab.effects.transmission import winding_state
-from fingerlab.physics import nominal
-from fingerlab.physics.motion import Motion
-from fingerlab.sessions.model import CABLE_NAMES, Array, BoolArray, Run, Session
+from fingerlab.effects.base import Effect, Row
+from fingerlab.sessions.model import Array, Run, Session
 
 ROW_UNITS = {Row.MCP: "N m", Row.PIP: "N m", Row.CABLE: "m", Row.BENCH: "N m", Row.TIP: "m"}
 
 
-RunOffsets = Mapping[tuple[str, str], Array]
-"""What a run's own constants add to the residuals, (5,) over ``Row``, by session and run."""
 OffsetsOf = Callable[[FittedModel], RunOffsets]
-
-
-@dataclass(frozen=True)
-class Kept:
-    """One stretch as it was reduced, with what its fingerprints are drawn against."""
-
-    session: str
-    run: str
-    phase: str
-    key: GroupKey
-    columns: Array  # (n, features), float32
-    taut: BoolArray
-    rest: BoolArray
-    time: Array
-    coordinates: Mapping[str, Array]
-    levers: tuple[Array, Array] | None  # of the contact force about MCP and PIP, m
-    repaired_at: Array  # s, samples that were put right
-    run_ends: float  # s
 
 
 @dataclass(frozen=True)
@@ -84,23 +73,7 @@ class Display:
         """Called by the reduction for every stretch."""
         if len(self.stretches) >= SHOWN_STRETCHES:
             return
-        motion = low.wide
-        levers = None
-        if motion.force is not None:
-            finger, q = motion.finger_and_joints
-            both = np.stack(
-                (
-                    nominal.contact_lever_mcp(finger, q.mcp, q.pip),
-                    nominal.contact_lever_pip(finger, q.mcp, q.pip),
-                )
-            )
-            both = decimate(both[:, counted(motion)])
-            levers = (both[0], both[1])
-        kept = Kept(
-            str(session.path), run.name, run.phase, group_key(run), low.columns.astype(np.float32), low.taut,
-            low.rest, low.time, _coordinates(motion), levers, motion.repaired_at, run.seconds,
-        )  # fmt: skip
-        self.stretches.append(kept)
+        self.stretches.append(kept_stretch(session, run, low))
 
     def fingerprint_between(
         self, reduced: Reduced, effect: Effect, base: FittedModel, fitted: FittedModel
@@ -120,7 +93,7 @@ class Display:
         before = offsets(evidence.base)
         last: Kept | None = None
         for kept, following in zip(self.stretches, (*self.stretches[1:], None), strict=True):
-            aside = _aside(last, kept, following, evidence.base)
+            aside = left_aside(last, kept, following, evidence.base)
             comparisons += [
                 replace(one, aside=tuple(a for a in aside if a.reason != "slack" or one.equation == CABLE))
                 for one in _comparisons(reduced, evidence.base, groups[kept.key], kept, before)
@@ -165,46 +138,10 @@ def comparisons_of(
 CABLE = ROW_EQUATIONS[Row.CABLE]
 
 
-def _aside(
-    last: Kept | None, kept: Kept, following: Kept | None, fitted: FittedModel
-) -> tuple[ExcludedInterval, ...]:
-    """What of a stretch, and of its run before it and behind it, is left aside.
-
-    Args:
-        last, following: the stretches before and after it; of another run, or none.
-    """
-
-    def of_this_run(other: Kept | None) -> bool:
-        return other is not None and (other.session, other.run) == (kept.session, kept.run)
-
-    half = 0.5 / NARROW_RATE_HZ
-    begins = last.time[-1] + half if last is not None and of_this_run(last) else 0.0
-    around = [(begins, kept.time[0] - half)]
-    if not of_this_run(following):
-        around.append((kept.time[-1] + half, kept.run_ends))
-    reasons = {"ramp": around, "slack": _where(~kept.taut, kept.time, half)}
-    if fitted.model.stiction:
-        reasons["standstill"] = _where(kept.rest, kept.time, half)
-    here = (kept.time[0] <= kept.repaired_at) & (kept.repaired_at <= kept.time[-1])
-    reasons["spikes"] = [(t - half, t + half) for t in kept.repaired_at[here]]
-    return tuple(
-        ExcludedInterval(reason, float(start), float(stop))
-        for reason, stretches in reasons.items()
-        for start, stop in stretches
-        if stop > start
-    )
-
-
-def _where(chosen: BoolArray, time: Array, half: float) -> list[tuple[float, float]]:
-    """From where to where samples are chosen, each with half a step on either side."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], chosen, [False])).astype(int)))
-    return [(time[a] - half, time[b - 1] + half) for a, b in zip(edges[::2], edges[1::2], strict=True)]
-
-
 def _comparison_in_si(one: Comparison, scales: Scales) -> Comparison:
     """In SI, where the fit has reduced units."""
     size = scales.of(one.unit)
-    places = {name: values * scales.of(_unit_of_place(name)) for name, values in one.coordinates.items()}
+    places = {name: values * scales.of(unit_of_place(name)) for name, values in one.coordinates.items()}
     return replace(
         one, time=one.time * scales.time, measured=one.measured * size, modelled=one.modelled * size,
         floor=one.floor * size, coordinates=places,
@@ -212,16 +149,6 @@ def _comparison_in_si(one: Comparison, scales: Scales) -> Comparison:
             ExcludedInterval(a.reason, a.start * scales.time, a.stop * scales.time) for a in one.aside
         ),
     )  # fmt: skip
-
-
-TENSION_BY_WAY, TORQUE_BY_WAY = "tension times direction of travel", "torque times direction of travel"
-"""What a friction that grows with the load is drawn against: a motor alone has no cable with a tension."""
-
-
-def _unit_of_place(name: str) -> str:
-    return (
-        "N m" if name == TORQUE_BY_WAY else COORDINATE_UNITS[name.removesuffix(" mcp").removesuffix(" pip")]
-    )
 
 
 def _fingerprint_in_si(one: Fingerprint, scales: Scales) -> Fingerprint:
@@ -233,70 +160,11 @@ def _fingerprint_in_si(one: Fingerprint, scales: Scales) -> Fingerprint:
     )  # fmt: skip
 
 
-def _coordinates(motion: Motion) -> dict[str, Array]:
-    wide = {
-        "time": motion.time,
-        "motor speed": motion.velocity,
-        "motor angle": motion.position,
-        "motor acceleration": motion.acceleration,
-        "tension": motion.tension,
-    }
-    if motion.joints is None:
-        wide[TORQUE_BY_WAY] = motion.torque * winding_state(motion)
-    else:
-        wide[TENSION_BY_WAY] = motion.tension * winding_state(motion)
-        q = motion.joints
-        wide |= {
-            "joint speed mcp": q.mcp_velocity,
-            "joint speed pip": q.pip_velocity,
-            "joint angle mcp": q.mcp,
-            "joint angle pip": q.pip,
-            "joint acceleration mcp": q.mcp_acceleration,
-            "joint acceleration pip": q.pip_acceleration,
-            "difference of joint angles": q.mcp - q.pip,
-        }
-    if motion.force is not None:
-        wide["force"] = motion.force
-    narrowed = decimate(np.stack([v[counted(motion)] for v in wide.values()]))
-    return {name: narrowed[i] for i, name in enumerate(wide)}
-
-
-def _residual(fitted: FittedModel, group: Group, kept: Kept, row: Row, offsets: RunOffsets) -> Array:
-    """Residual of an equation over a stretch less the run's own constant, in the fit's units (N, m, N m)."""
-    h, _ = fitted.model.coefficients(fitted.fit.values, group)
-    chosen = fitted.model.rows == row
-    own = offsets.get((kept.session, kept.run))
-    found = np.asarray(kept.columns[:, fitted.model.pick.signals[chosen]] @ h[chosen], dtype=float)
-    return found if own is None else found - own[row]
-
-
-def _arms(fitted: FittedModel, group: Group) -> tuple[float, float]:
-    routing = CABLE_NAMES[group.cable_sign]
-    index = fitted.model.index
-    return (
-        group.cable_sign * float(fitted.fit.values[index[f"arm_mcp@{routing}"]]),
-        group.cable_sign * float(fitted.fit.values[index[f"arm_pip@{routing}"]]),
-    )
-
-
-def _measured(fitted: FittedModel, group: Group, kept: Kept, row: Row) -> Array:
-    """The measured side: tension without the rotor's inertia (N), cable wound (m), torque (N m)."""
-    h, _ = fitted.model.coefficients(fitted.fit.values, group)
-    chosen = []
-    for k, i in enumerate(fitted.model.active):
-        f = fitted.model.layout.features[i]
-        measured = f.constant == -1.0 and f.owner is None and f.scale == "direct"
-        inertia = f.parameter == "rotor_inertia" and f.scale == "direct"
-        if f.row == row and (measured or inertia):
-            chosen.append(k)
-    return np.asarray(kept.columns[:, fitted.model.pick.signals[chosen]] @ h[chosen], dtype=float)
-
-
 def _comparisons(
     reduced: Reduced, fitted: FittedModel, group: Group, kept: Kept, offsets: RunOffsets
 ) -> list[Comparison]:
     present = [row for row in Row if np.any(fitted.model.rows == row)]
-    residuals = {row: _residual(fitted, group, kept, row, offsets) for row in present}
+    residuals = {row: residual_of(fitted, group, kept, row, offsets) for row in present}
     of = fitted.model, fitted.fit.values, group, fitted.weights[group.key]
     noise = floor_covariance(*of, means=reduced.constants is None)
 
@@ -307,11 +175,11 @@ def _comparisons(
         )  # fmt: skip
 
     if group.on_bench:
-        torque = _measured(fitted, group, kept, Row.BENCH)
+        torque = measured_side(fitted, group, kept, Row.BENCH)
         return [one("motor_torque", torque, torque - residuals[Row.BENCH], "N m", noise[3, 3])]
-    a, b = _arms(fitted, group)
-    pull = _measured(fitted, group, kept, Row.MCP)
-    wound = _measured(fitted, group, kept, Row.CABLE)
+    a, b = arms_of(fitted, group)
+    pull = measured_side(fitted, group, kept, Row.MCP)
+    wound = measured_side(fitted, group, kept, Row.CABLE)
     length = wound - residuals[Row.CABLE]
     if fitted.model.slack_free:
         length = np.where(kept.taut, length, np.nan)
@@ -325,7 +193,7 @@ def _comparisons(
         one("motor_torque", radius * pull, radius * (pull - mean), "N m", radius**2 * spread),
     ]
     if kept.levers is not None:
-        force = _force(reduced, kept)
+        force = measured_force(reduced, kept)
         for equation, arm, lever, row in (
             ("endpoint_force_pip", b, kept.levers[1], Row.PIP),
             ("endpoint_force_mcp", a, kept.levers[0], Row.MCP),
@@ -334,11 +202,6 @@ def _comparisons(
             variance = float(np.mean(scale**2)) * noise[row, row]
             result.append(one(equation, force, force + scale * residuals[row], "N", variance))
     return result
-
-
-def _force(reduced: Reduced, kept: Kept) -> Array:
-    layout = reduced.layout
-    return np.asarray(kept.columns[:, layout.signals[layout.features.index(FORCE)]], dtype=float)
 
 
 def _coordinate(effect: Effect, kept: Kept, bench: bool) -> Array | None:
@@ -374,9 +237,9 @@ def _fingerprint(
         group = groups[kept.key]
         if group.on_bench != bench:  # one axis cannot hold two equations
             continue
-        before = _residual(base, group, kept, row, offsets[0])
-        after = _residual(fitted, group, kept, row, offsets[1])
-        scale = 1.0 if row in (Row.CABLE, Row.BENCH, Row.TIP) else _arms(base, group)[int(row)]
+        before = residual_of(base, group, kept, row, offsets[0])
+        after = residual_of(fitted, group, kept, row, offsets[1])
+        scale = 1.0 if row in (Row.CABLE, Row.BENCH, Row.TIP) else arms_of(base, group)[int(row)]
         # Torque of the joint in the direction of its angle, whichever way the cable pulls.
         places.append(where)
         residuals.append(scale * before)
@@ -421,7 +284,7 @@ def _binned(effect: Effect, row: Row, place: Array, residual: Array, explained: 
     return Fingerprint(
         equation=ROW_EQUATIONS[row],
         coordinate=over,
-        coordinate_unit=_unit_of_place(over),
+        coordinate_unit=unit_of_place(over),
         value_unit=ROW_UNITS[row],
         centre=(0.5 * (edges[1:] + edges[:-1]))[full],
         mean=average[full],

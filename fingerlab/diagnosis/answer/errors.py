@@ -20,7 +20,8 @@ from fingerlab.diagnosis.answer.error_parts import (
     ScorePart,
 )
 from fingerlab.diagnosis.answer.results import HeldOutRuns
-from fingerlab.diagnosis.equations.features import FORCE, NO_SHIFT
+from fingerlab.diagnosis.equations.coefficients import NO_SHIFT
+from fingerlab.diagnosis.equations.features import FORCE
 from fingerlab.diagnosis.equations.parameters import TORQUE_ZERO
 from fingerlab.diagnosis.fit.noise import floor_covariance, misfit_floor
 from fingerlab.diagnosis.gram.reduction import Reduction

@@ -15,14 +15,15 @@ from threadpoolctl import threadpool_limits
 
 from fingerlab.core.progress import SILENT, Watch
 from fingerlab.core.text import ParameterEstimate
-from fingerlab.diagnosis.answer.curves import Display, RunOffsets, comparisons_of
+from fingerlab.diagnosis.answer.curves import Display, comparisons_of
 from fingerlab.diagnosis.answer.error_parts import Comparison, EquationError
 from fingerlab.diagnosis.answer.errors import equation_errors
 from fingerlab.diagnosis.answer.results import Diagnosis
-from fingerlab.diagnosis.answer.wording import residual_offsets
+from fingerlab.diagnosis.answer.stretches import RunOffsets
 from fingerlab.diagnosis.equations.model import Choice
 from fingerlab.diagnosis.fit.solver import Fit, Fitter
 from fingerlab.diagnosis.gram.reduction import Reduction
+from fingerlab.diagnosis.gram.run_constants import residual_offsets
 from fingerlab.diagnosis.score.fitted_model import FittedModel, at_found_shapes
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.settings import FULL_ITERATIONS, HARDLY_DETERMINED, Z90

@@ -14,9 +14,8 @@ from functools import partial
 
 import numpy as np
 
+from fingerlab.diagnosis.equations.coefficients import NO_SHIFT, SLOPE
 from fingerlab.diagnosis.equations.features import (
-    NO_SHIFT,
-    SLOPE,
     Feature,
     Layout,
     base_columns,
@@ -191,3 +190,15 @@ NONE = np.zeros(0, dtype=int)
 
 def _same_columns(one: Effect, other: Effect) -> bool:
     return one.columns is other.columns and list(one.shapes) == list(other.shapes)
+
+
+def joined(finger: Layout, *bench: Layout) -> Layout:
+    """The features of all runs, those of the motor alone last."""
+    if not bench:
+        return finger
+    return replace(
+        finger,
+        features=(*finger.features, *bench[0].features),
+        base=np.concatenate((finger.base, len(finger.features) + bench[0].base)),
+        signals=np.concatenate((finger.signals, finger.signal_count + bench[0].signals)),
+    )

@@ -25,7 +25,7 @@ from fingerlab.diagnosis.equations.parameters import (
     TORQUE_LAG_SQUARE,
     TORQUE_ZERO,
 )
-from fingerlab.diagnosis.settings import LIFTED_M, SLIP_STIFFNESSES, TIP_STIFFNESS, USUAL_SPREAD, WIDE_RATE_HZ
+from fingerlab.diagnosis.settings import LIFTED_M, SLIP_STIFFNESSES, TIP_STIFFNESS, USUAL_SPREAD
 from fingerlab.diagnosis.signals.scales import SI, Scales
 from fingerlab.effects.base import Effect, Gain, Row, Scale
 from fingerlab.effects.contact_compliance import SIDEWAYS_STIFFNESSES
@@ -363,41 +363,3 @@ def beside_a_finger(feature: Feature, rig: Rig) -> Feature:
     if feature.parameter == "bench_offset":
         return replace(feature, parameter=TORQUE_ZERO)
     return feature if feature.parameter else replace(feature, parameter="torque_gain")
-
-
-SHIFTS_S = tuple(0.024 * k for k in range(-2, 10))
-"""Delays (s) at which the motor's channels are kept; values between them are interpolated."""
-SHIFT_SAMPLES = tuple(round(s * WIDE_RATE_HZ) for s in SHIFTS_S)
-"""The same in samples of the wide rate."""
-INTERPOLATION_POINTS = 6
-SLOPE = len(SHIFTS_S)
-"""Index of a motor channel's time derivative, which replaces the shifts below a delay of 1 ms."""
-NO_SHIFT = SHIFTS_S.index(0.0)
-
-
-def shift_weights(delay: float) -> tuple[Array, Array]:
-    """Weights of the kept shifts that interpolate at ``delay`` (s), and their derivative (1/s).
-
-    Lagrange interpolation on the six nearest shifts: at 24 ms spacing a 3 Hz tone is off by less than
-    0.01 %, an 8 Hz tone by 1.4 %, and a delay that is itself a kept shift by nothing.
-    """
-    spacing = SHIFTS_S[1] - SHIFTS_S[0]
-    count = INTERPOLATION_POINTS
-    place = (delay - SHIFTS_S[0]) / spacing
-    first = min(max(int(np.floor(place)) - count // 2 + 1, 0), len(SHIFTS_S) - count)
-    powers = (place - first) ** np.arange(count)
-    weights, slopes = np.zeros(SLOPE + 1), np.zeros(SLOPE + 1)
-    weights[first : first + count] = _LAGRANGE @ powers
-    slopes[first : first + count] = _LAGRANGE[:, 1:] @ (np.arange(1, count) * powers[:-1]) / spacing
-    return weights, slopes
-
-
-def slope_weights(delay: float) -> tuple[Array, Array]:
-    """The same for a delay so small that the channel's value and time derivative are enough."""
-    weights, slopes = np.zeros(SLOPE + 1), np.zeros(SLOPE + 1)
-    weights[NO_SHIFT], weights[SLOPE], slopes[SLOPE] = 1.0, -delay, -1.0
-    return weights, slopes
-
-
-_LAGRANGE = np.linalg.inv(np.vander(np.arange(float(INTERPOLATION_POINTS)), increasing=True)).T
-"""Row k: coefficients, by rising power, of the polynomial that is 1 at node k and 0 at the others."""

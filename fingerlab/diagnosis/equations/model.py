@@ -9,8 +9,8 @@ from typing import Protocol
 
 import numpy as np
 
-from fingerlab.diagnosis.equations.coefficients import DELAY, Coefficients
-from fingerlab.diagnosis.equations.features import NO_SHIFT, SLOPE, Feature, FeatureSet, Layout
+from fingerlab.diagnosis.equations.coefficients import DELAY, NO_SHIFT, SLOPE, Coefficients
+from fingerlab.diagnosis.equations.features import Feature, FeatureSet, Layout
 from fingerlab.diagnosis.equations.parameters import (
     ARMS,
     SET_DOWN,

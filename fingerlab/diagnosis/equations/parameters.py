@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from fingerlab.core.errors import UserError
 from fingerlab.diagnosis.settings import (
     ARM_RATIO_CURVATURE,
     ARM_RATIO_SPREADS,
@@ -29,6 +30,8 @@ from fingerlab.diagnosis.settings import (
     USUAL_RATIOS,
     USUAL_SPREAD,
 )
+from fingerlab.diagnosis.signals.scales import Scales
+from fingerlab.effects.base import Effect
 from fingerlab.physics.parameter import Parameter, Role
 from fingerlab.rig.file import Rig
 from fingerlab.sessions.model import Array
@@ -194,3 +197,33 @@ def is_loss(key: str) -> bool:
 def spread_of(rig: Rig) -> float:
     """Spread of the ratios' logarithms: the rig file's tolerance ``moment_arm``, or the usual one."""
     return float(rig.tolerance.get("moment_arm", USUAL_SPREAD))
+
+
+def narrowed(effect: Effect, rig: Rig, scales: Scales) -> Effect:
+    """The effect with the ranges of the rig file's section ``[ranges]``, such as ``id.gain = [0, 0.02]``, SI.
+
+    They may be narrower than the usual ones, and are known: a value at their end stays there.
+
+    Raises:
+        UserError: it is no pair of rising numbers within the usual range.
+    """
+    given = rig.extra.get("ranges", {})
+    own = given.get(effect.id, {}) if isinstance(given, Mapping) else {}
+    if not own or not isinstance(own, Mapping):
+        return effect
+    gains = dict(effect.gains)
+    for name, ends in own.items():
+        where = f"The rig, [ranges] {effect.id}.{name}"
+        if name not in gains:
+            raise UserError(f"{where} is unknown; {effect.id} has {', '.join(gains)}.")
+        numbers = isinstance(ends, list | tuple) and all(isinstance(e, int | float) for e in ends)
+        if not numbers or len(ends) != 2 or not ends[0] < ends[1]:
+            raise UserError(f"{where} is {ends!r}; it should be two rising numbers in {gains[name].unit}.")
+        low, high = (float(e) / scales.of(gains[name].unit) for e in ends)
+        usual = gains[name]
+        low, high = max(low, usual.low), min(high, usual.high)
+        typical = min(usual.typical, max(abs(low), abs(high)))
+        if not low < high:
+            raise UserError(f"{where} is {ends!r}; none of it is plausible, leave it out.")
+        gains[name] = replace(usual, low=low, high=high, typical=typical, source="rig file")
+    return replace(effect, gains=gains)

@@ -19,7 +19,8 @@ from typing import Any
 
 import numpy as np
 
-from fingerlab.diagnosis.equations.features import NO_SHIFT, Layout
+from fingerlab.diagnosis.equations.coefficients import NO_SHIFT
+from fingerlab.diagnosis.equations.features import Layout
 from fingerlab.diagnosis.equations.model import Model
 from fingerlab.diagnosis.equations.parameters import RUBS, SLIPS
 from fingerlab.diagnosis.gram.state_law import left_out_covariance

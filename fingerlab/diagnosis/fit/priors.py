@@ -14,7 +14,8 @@ from collections.abc import Collection, Sequence
 
 import numpy as np
 
-from fingerlab.diagnosis.equations.features import NO_SHIFT, Layout
+from fingerlab.diagnosis.equations.coefficients import NO_SHIFT
+from fingerlab.diagnosis.equations.features import Layout
 from fingerlab.diagnosis.equations.model import Model
 from fingerlab.diagnosis.equations.parameters import ARMS, LOSSES, TORQUE_ZERO
 from fingerlab.diagnosis.gram.sums import Group, Sums

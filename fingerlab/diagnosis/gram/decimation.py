@@ -21,8 +21,8 @@ from itertools import count
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
+from fingerlab.diagnosis.equations.coefficients import SHIFT_SAMPLES, SLOPE
 from fingerlab.diagnosis.equations.columns import Column, ReadRequest, all_columns, effect_columns
-from fingerlab.diagnosis.equations.features import SHIFT_SAMPLES, SLOPE
 from fingerlab.diagnosis.settings import (
     AT_ONCE,
     AT_REST_DEG,

@@ -17,10 +17,10 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from fingerlab.core.errors import UserError
 from fingerlab.core.progress import SILENT, Watch
-from fingerlab.diagnosis.equations.columns import ReadRequest, asked_of, layout_of
+from fingerlab.diagnosis.equations.columns import ReadRequest, asked_of, joined, layout_of
 from fingerlab.diagnosis.equations.features import Layout
+from fingerlab.diagnosis.equations.parameters import narrowed
 from fingerlab.diagnosis.gram.decimation import Decimated, SegmentCache
 from fingerlab.diagnosis.gram.run_constants import RunConstants
 from fingerlab.diagnosis.gram.run_sums import Keep, in_place, pair_sums, run_sums, sums_in_turn
@@ -351,7 +351,7 @@ class Reduction:
             found = asked_of(layout, effects, self._first.get(on_bench), start, anew, seek_cycle)
             asked[on_bench] = replace(found, orders=self._orders, by_state=by_state)
             start += layout.signal_count
-        whole = _joined(*layouts.values())
+        whole = joined(*layouts.values())
         dealt, places = folds_of_runs(runs)
         motions = _shared(self.motions)
         groups: dict[GroupKey, Group] = {}
@@ -399,54 +399,12 @@ class Reduction:
                 yield found
 
 
-def narrowed(effect: Effect, rig: Rig, scales: Scales) -> Effect:
-    """The effect with the ranges of the rig file's section ``[ranges]``, such as ``id.gain = [0, 0.02]``, SI.
-
-    They may be narrower than the usual ones, and are known: a value at their end stays there.
-
-    Raises:
-        UserError: it is no pair of rising numbers within the usual range.
-    """
-    given = rig.extra.get("ranges", {})
-    own = given.get(effect.id, {}) if isinstance(given, Mapping) else {}
-    if not own or not isinstance(own, Mapping):
-        return effect
-    gains = dict(effect.gains)
-    for name, ends in own.items():
-        where = f"The rig, [ranges] {effect.id}.{name}"
-        if name not in gains:
-            raise UserError(f"{where} is unknown; {effect.id} has {', '.join(gains)}.")
-        numbers = isinstance(ends, list | tuple) and all(isinstance(e, int | float) for e in ends)
-        if not numbers or len(ends) != 2 or not ends[0] < ends[1]:
-            raise UserError(f"{where} is {ends!r}; it should be two rising numbers in {gains[name].unit}.")
-        low, high = (float(e) / scales.of(gains[name].unit) for e in ends)
-        usual = gains[name]
-        low, high = max(low, usual.low), min(high, usual.high)
-        typical = min(usual.typical, max(abs(low), abs(high)))
-        if not low < high:
-            raise UserError(f"{where} is {ends!r}; none of it is plausible, leave it out.")
-        gains[name] = replace(usual, low=low, high=high, typical=typical, source="rig file")
-    return replace(effect, gains=gains)
-
-
 _Key = tuple[str, object, tuple[tuple[tuple[str, float], ...], ...]]
 
 
 def _key(effect: Effect) -> _Key:
     """What decides the columns of an effect."""
     return effect.id, effect.columns, tuple(tuple(sorted(shape.items())) for shape in effect.shapes)
-
-
-def _joined(finger: Layout, *bench: Layout) -> Layout:
-    """The features of all runs, those of the motor alone last."""
-    if not bench:
-        return finger
-    return replace(
-        finger,
-        features=(*finger.features, *bench[0].features),
-        base=np.concatenate((finger.base, len(finger.features) + bench[0].base)),
-        signals=np.concatenate((finger.signals, finger.signal_count + bench[0].signals)),
-    )
 
 
 def _shared(motions: Sequence[int | None]) -> list[int | None]:

@@ -214,3 +214,10 @@ def share_of_equations(
     share[Row.CABLE, 2] = -values.get("cable_compliance", 0.0) / radius
     share[Row.CABLE, 3] = radius
     return share
+
+
+def residual_offsets(
+    offsets: Sequence[Offsets], runs: Sequence[tuple[str, str]]
+) -> dict[tuple[str, str], Array]:
+    """What the runs' constants add to the residuals, (5,) over ``Row``, by session and run."""
+    return {runs[n]: row for one in offsets for n, row in zip(one.numbers, one.rows, strict=True)}

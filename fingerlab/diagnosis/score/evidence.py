@@ -15,17 +15,18 @@ import numpy as np
 from fingerlab.diagnosis.score.calibration import Odds, Verdict
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.score.selection import (
-    acts_along_load_axis,
+    bayes_factor,
     complexity_penalty,
     contact_penalty,
     lacks_fit,
     least_explained,
+    least_strength,
     log_odds_among,
+    reaches_contact_alone,
 )
 from fingerlab.diagnosis.settings import (
     AS_LIKELY,
     CONTACT_PENALTY,
-    CONTACT_SHARE,
     DECIDING_LOG_ODDS,
     DOUBTED,
     HALF,
@@ -33,7 +34,6 @@ from fingerlab.diagnosis.settings import (
     IMPOSSIBLE,
     LACK_OF_FIT,
     LEAST_PROBABILITY,
-    MOST_ODDS,
     MOST_UNDETECTED,
     NOT_BORNE_OUT,
     PRIOR_EFFECTS,
@@ -41,15 +41,12 @@ from fingerlab.diagnosis.settings import (
     PRIOR_UNKNOWN,
     SET_LOG_ODDS,
     SET_PROBABILITY,
-    STRENGTH_POINTS,
-    STRONGEST,
     TIE_LOG_ODDS,
     UNEXPLAINED,
     UNEXPLAINED_SHARE,
     UNKNOWN_LEAST,
     UNKNOWN_LEAST_BEYOND,
     UNKNOWN_SHARE,
-    WEAKEST,
 )
 from fingerlab.sessions.model import Array
 
@@ -370,16 +367,9 @@ def needed_fall(evidence: Evidence, fitted: FittedModel) -> float:
     """By how much the misfit must fall for a candidate's effect to be told, beside the best model found."""
     base = evidence.base
     remaining = min([base.misfit, *(t.misfit for t in evidence.candidates)])
-    in_contact = CONTACT_PENALTY if _reaches_contact_alone(fitted) else 0.0
+    in_contact = CONTACT_PENALTY if reaches_contact_alone(fitted) else 0.0
     least = least_explained(base, remaining, base.count) + in_contact * base.count
     return max(least, 2.0 * DECIDING_LOG_ODDS * evidence.temperature)
-
-
-def _reaches_contact_alone(fitted: FittedModel) -> bool:
-    if acts_along_load_axis(fitted):
-        return False
-    falls = fitted.sensitivity.falls
-    return bool(len(falls)) and float(falls[fitted.in_contact].sum()) > CONTACT_SHARE * float(falls.sum())
 
 
 def share_undetected(evidence: Evidence, factors: Sequence[float], prior: float) -> Evidence:
@@ -393,32 +383,6 @@ def share_undetected(evidence: Evidence, factors: Sequence[float], prior: float)
     odds *= min(1.0, MOST_UNDETECTED / max(float(odds.sum()), 1e-300))
     nothing = evidence.nothing / (1.0 + float(odds.sum()))
     return replace(evidence, nothing=nothing, undetected=odds * nothing, factors=np.asarray(factors))
-
-
-def bayes_factor(fitted: FittedModel, fall: float, needed: float) -> float:
-    """How much likelier what was seen is with the effect at a plausible strength than with nothing.
-
-    The likelihood of a strength is taken as normal about the one that the ``fall`` of the misfit stands for,
-    and as wide as makes the least strength that shows decide.
-    """
-    least = least_strength(fitted, needed)
-    if not np.isfinite(least):
-        return 1.0
-    width = 2.0 * DECIDING_LOG_ODDS / least**2
-    seen = least * np.sqrt(max(fall, 0.0) / needed)
-    strengths = np.exp(np.linspace(np.log(WEAKEST), np.log(STRONGEST), STRENGTH_POINTS))
-    log_likely = -0.5 * width * strengths * (strengths - 2.0 * seen)
-    return float(np.exp(np.minimum(log_likely, np.log(MOST_ODDS))).mean())
-
-
-def least_strength(fitted: FittedModel, needed: float) -> float:
-    """The multiple of its typical strength from which on the last effect would have shown; may be inf.
-
-    Args:
-        needed: fall of the misfit that a verdict needs.
-    """
-    shown = fitted.sensitive_fall
-    return float(np.sqrt(needed / shown)) if shown > 0 else float("inf")
 
 
 def undetectable(evidence: Evidence) -> list[int]:

@@ -27,7 +27,7 @@ from fingerlab.diagnosis.settings import AT_BOUND, CLEARLY_SHOWN, MOST_PAIRED
 from fingerlab.diagnosis.signals.conditions import GroupKey
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
 from fingerlab.diagnosis.signals.scales import powers_of
-from fingerlab.effects.base import Effect
+from fingerlab.effects.base import ALONE, Effect
 from fingerlab.sessions.model import Array, BoolArray
 
 
@@ -84,6 +84,35 @@ def at_bounds(fitted: FittedModel) -> list[str]:
 def at_found_shapes(fitted: FittedModel) -> list[Effect]:
     """The model's effects, each with the one shape that was found as its grid."""
     return [replace(c.effect, shapes=(c.effect.shapes[c.shape],)) for c in fitted.choices]
+
+
+def with_shapes_of(catalogue: Sequence[Effect], found: Sequence[Effect]) -> list[Effect]:
+    """The catalogue with the effects that were found in place of their namesakes."""
+    return [next((f for f in found if f.id == e.id), e) for e in catalogue]
+
+
+def with_other_laws(found: Sequence[Effect], catalogue: Sequence[Effect]) -> list[Effect]:
+    """The effects, each at the one shape that was found; of friction that has several laws the grid stays.
+
+    Beside others another of them may be right: what is best for an effect alone may stand for what is still
+    missing. The shape that was found stands among its neighbours.
+    """
+    known = {effect.id: effect for effect in catalogue}
+    return [_within_grid(effect, known.get(effect.id, effect)) for effect in found]
+
+
+def _within_grid(found: Effect, grid: Effect) -> Effect:
+    places = range(len(grid.shapes))
+    if not any(one.get(ALONE) for one in found.shapes) or len({grid.law_at(i) for i in places}) < 2:
+        return found
+    (shape,), shapes = found.shapes, list(grid.shapes)
+    unknowns = sorted(found.law_at(0))
+    alike = [i for i in places if set(unknowns) >= grid.law_at(i)]
+    own = np.array([shape[name] for name in unknowns])
+    apart = {i: np.log(own / [grid.shapes[i].get(name, shape[name]) for name in unknowns]) for i in alike}
+    nearest = min(apart, key=lambda i: float(np.abs(apart[i]).sum()), default=len(shapes) - 1)
+    shapes.insert(nearest + int(nearest in apart and apart[nearest].sum() > 0.0), shape)
+    return replace(grid, shapes=tuple(shapes))
 
 
 NO_SENSITIVITY = Sensitivity(np.zeros(0), {})

@@ -29,13 +29,17 @@ from fingerlab.diagnosis.settings import (
     LEAST_FALL,
     LEAST_FALL_BEYOND,
     LEAST_SHARE,
+    MOST_ODDS,
     NEXT_SHARE,
     OVERFIT_MOST,
     OVERFIT_SHARE,
+    STRENGTH_POINTS,
+    STRONGEST,
     SYSTEMATIC_VALUES,
     USUAL_FREEDOM,
     USUAL_LEFT,
     USUAL_POINTS,
+    WEAKEST,
 )
 from fingerlab.effects.base import Row
 from fingerlab.sessions.model import Array, BoolArray
@@ -204,3 +208,37 @@ def _log_beyond(least: float, value: float, spread: float) -> float:
     scale = np.sqrt(2.0) * max(spread, 1e-300)
     beyond = 0.5 * (math.erfc((least - value) / scale) + math.erfc((least + value) / scale))
     return math.log(max(beyond, 1e-300))
+
+
+def reaches_contact_alone(fitted: FittedModel) -> bool:
+    """Whether the last effect would show in contact alone, though it does not act along the load axis."""
+    if acts_along_load_axis(fitted):
+        return False
+    falls = fitted.sensitivity.falls
+    return bool(len(falls)) and float(falls[fitted.in_contact].sum()) > CONTACT_SHARE * float(falls.sum())
+
+
+def bayes_factor(fitted: FittedModel, fall: float, needed: float) -> float:
+    """How much likelier what was seen is with the effect at a plausible strength than with nothing.
+
+    The likelihood of a strength is taken as normal about the one that the ``fall`` of the misfit stands for,
+    and as wide as makes the least strength that shows decide.
+    """
+    least = least_strength(fitted, needed)
+    if not np.isfinite(least):
+        return 1.0
+    width = 2.0 * DECIDING_LOG_ODDS / least**2
+    seen = least * np.sqrt(max(fall, 0.0) / needed)
+    strengths = np.exp(np.linspace(np.log(WEAKEST), np.log(STRONGEST), STRENGTH_POINTS))
+    log_likely = -0.5 * width * strengths * (strengths - 2.0 * seen)
+    return float(np.exp(np.minimum(log_likely, np.log(MOST_ODDS))).mean())
+
+
+def least_strength(fitted: FittedModel, needed: float) -> float:
+    """The multiple of its typical strength from which on the last effect would have shown; may be inf.
+
+    Args:
+        needed: fall of the misfit that a verdict needs.
+    """
+    shown = fitted.sensitive_fall
+    return float(np.sqrt(needed / shown)) if shown > 0 else float("inf")

@@ -22,7 +22,12 @@ from fingerlab.diagnosis.equations.model import Choice
 from fingerlab.diagnosis.fit.data import Weights
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.score.evidence import Evidence, alike, shares_of
-from fingerlab.diagnosis.score.fitted_model import FittedModel, at_found_shapes
+from fingerlab.diagnosis.score.fitted_model import (
+    FittedModel,
+    at_found_shapes,
+    with_other_laws,
+    with_shapes_of,
+)
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.score.selection import justified, least_fall, log_odds_among, redundant_steps
 from fingerlab.diagnosis.search.next_effect import climb_grid, judge_all, off_its_bounds
@@ -41,7 +46,7 @@ from fingerlab.diagnosis.settings import (
     STEP_GAIN,
     USUAL_LEFT,
 )
-from fingerlab.effects.base import ALONE, Effect, Shape, of_shape
+from fingerlab.effects.base import Effect, Shape, of_shape
 
 
 def fit_effects(scorer: Scorer, effects: Sequence[Effect]) -> FittedModel:
@@ -384,35 +389,6 @@ def with_refined_odds(evidence: Evidence, tied: Sequence[int], refined: Sequence
     log_odds[tied] = log_odds_among(evidence.base, refined)
     found = float(evidence.probabilities.sum())
     return replace(evidence, log_odds=log_odds, probabilities=found * shares_of(log_odds))
-
-
-def with_shapes_of(catalogue: Sequence[Effect], found: Sequence[Effect]) -> list[Effect]:
-    """The catalogue with the effects that were found in place of their namesakes."""
-    return [next((f for f in found if f.id == e.id), e) for e in catalogue]
-
-
-def with_other_laws(found: Sequence[Effect], catalogue: Sequence[Effect]) -> list[Effect]:
-    """The effects, each at the one shape that was found; of friction that has several laws the grid stays.
-
-    Beside others another of them may be right: what is best for an effect alone may stand for what is still
-    missing. The shape that was found stands among its neighbours.
-    """
-    known = {effect.id: effect for effect in catalogue}
-    return [_within_grid(effect, known.get(effect.id, effect)) for effect in found]
-
-
-def _within_grid(found: Effect, grid: Effect) -> Effect:
-    places = range(len(grid.shapes))
-    if not any(one.get(ALONE) for one in found.shapes) or len({grid.law_at(i) for i in places}) < 2:
-        return found
-    (shape,), shapes = found.shapes, list(grid.shapes)
-    unknowns = sorted(found.law_at(0))
-    alike = [i for i in places if set(unknowns) >= grid.law_at(i)]
-    own = np.array([shape[name] for name in unknowns])
-    apart = {i: np.log(own / [grid.shapes[i].get(name, shape[name]) for name in unknowns]) for i in alike}
-    nearest = min(apart, key=lambda i: float(np.abs(apart[i]).sum()), default=len(shapes) - 1)
-    shapes.insert(nearest + int(nearest in apart and apart[nearest].sum() > 0.0), shape)
-    return replace(grid, shapes=tuple(shapes))
 
 
 def can_refine(choices: Sequence[Choice]) -> bool:

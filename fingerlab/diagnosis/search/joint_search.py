@@ -17,9 +17,9 @@ import numpy as np
 from fingerlab.core.progress import Watch
 from fingerlab.diagnosis.equations.model import Choice
 from fingerlab.diagnosis.gram.reduction import Reduction
-from fingerlab.diagnosis.score.fitted_model import FittedModel, at_found_shapes
+from fingerlab.diagnosis.score.fitted_model import FittedModel, at_found_shapes, with_shapes_of
 from fingerlab.diagnosis.score.scorer import Scorer
-from fingerlab.diagnosis.search.grid_refinement import fit_effects, refine_grid, with_shapes_of
+from fingerlab.diagnosis.search.grid_refinement import fit_effects, refine_grid
 from fingerlab.diagnosis.search.next_effect import ScoreTest, climb_grid
 from fingerlab.diagnosis.settings import (
     CANDIDATES_REFITTED,

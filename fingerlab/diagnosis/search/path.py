@@ -23,6 +23,7 @@ from fingerlab.diagnosis.search.next_effect import ScoreTest, climb_grid, judge_
 from fingerlab.diagnosis.settings import (
     CANDIDATES_REFITTED,
     FULL_ITERATIONS,
+    LEAST_FALL_BEYOND,
     LONGEST_PATH,
     NEXT_SHARE,
     RUNNERS_UP,
@@ -249,3 +250,25 @@ def _reordered(scorer: Scorer, steps: Sequence[FittedModel]) -> list[FittedModel
         longer = scorer.fit([*path[-1].choices, choice], steps[-1], FULL_ITERATIONS)
         path.append(scorer.score_held_out(longer))
     return path
+
+
+def worth_a_further_effect(refined: FittedModel) -> bool:
+    """Whether one effect with refined shapes leaves enough for a further one to be worth a step."""
+    return lacks_fit(refined, LEAST_FALL_BEYOND)
+
+
+def does_better(one: tuple[Scorer, list[FittedModel]], other: tuple[Scorer, list[FittedModel]]) -> bool:
+    """Whether a path is the better one: the likelier; a shorter one also where the longer earns no steps.
+
+    As within a path, each further effect must explain its share of what is left.
+    """
+    (by, path), (than, rival) = one, other
+    if by.deviance(path[-1]) < than.deviance(rival[-1]):
+        return len(path) <= len(rival) or earns_its_steps(path, rival)
+    return len(path) < len(rival) and not earns_its_steps(rival, path)
+
+
+def earns_its_steps(longer: Sequence[FittedModel], shorter: Sequence[FittedModel]) -> bool:
+    """Whether each effect more of a longer path explains its share of what the shorter one leaves."""
+    left = (1.0 - NEXT_SHARE) ** (len(longer) - len(shorter))
+    return longer[-1].score ** 2 - 1.0 < left * (shorter[-1].score ** 2 - 1.0)

@@ -38,15 +38,13 @@ from fingerlab.diagnosis.search.grid_refinement import (
 )
 from fingerlab.diagnosis.search.joint_search import path_of_many
 from fingerlab.diagnosis.search.next_effect import judge_all, rescore
-from fingerlab.diagnosis.search.path import forward_selection
+from fingerlab.diagnosis.search.path import does_better, forward_selection, worth_a_further_effect
 from fingerlab.diagnosis.settings import (
     FULL_ITERATIONS,
     GRID_LOG_ODDS,
     JOINT_SEARCH_LEVEL,
-    LEAST_FALL_BEYOND,
     LONGEST_PATH,
     NEARLY_RIGHT,
-    NEXT_SHARE,
 )
 from fingerlab.effects.base import Effect
 
@@ -330,11 +328,6 @@ def _path(
     return resolved, [resolved.base, resolved.best]
 
 
-def worth_a_further_effect(refined: FittedModel) -> bool:
-    """Whether one effect with refined shapes leaves enough for a further one to be worth a step."""
-    return lacks_fit(refined, LEAST_FALL_BEYOND)
-
-
 def _judged_given_path(
     scorer: Scorer, evidence: Evidence, path: Sequence[FittedModel], effects: Sequence[Effect]
 ) -> tuple[Evidence, Weights]:
@@ -400,25 +393,8 @@ def _restarted(
         longer = extend_path(question.reduction, question.catalogue, begun, watch)
         ways = [(evidence, by, begun), *([] if longer is None else [(evidence, *longer)])]
         for way in ways:
-            best = way if _does_better(way[1:], best[1:]) else best
+            best = way if does_better(way[1:], best[1:]) else best
     return best
-
-
-def _does_better(one: tuple[Scorer, list[FittedModel]], other: tuple[Scorer, list[FittedModel]]) -> bool:
-    """Whether a path is the better one: the likelier; a shorter one also where the longer earns no steps.
-
-    As within a path, each further effect must explain its share of what is left.
-    """
-    (by, path), (than, rival) = one, other
-    if by.deviance(path[-1]) < than.deviance(rival[-1]):
-        return len(path) <= len(rival) or earns_its_steps(path, rival)
-    return len(path) < len(rival) and not earns_its_steps(rival, path)
-
-
-def earns_its_steps(longer: Sequence[FittedModel], shorter: Sequence[FittedModel]) -> bool:
-    """Whether each effect more of a longer path explains its share of what the shorter one leaves."""
-    left = (1.0 - NEXT_SHARE) ** (len(longer) - len(shorter))
-    return longer[-1].score ** 2 - 1.0 < left * (shorter[-1].score ** 2 - 1.0)
 
 
 def worth_restarting(path: Sequence[FittedModel], best: FittedModel, first: FirstStep) -> bool:

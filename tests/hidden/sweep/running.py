@@ -14,7 +14,7 @@ import numpy as np
 from click.testing import CliRunner
 
 from fingerlab.cli.main import cli
-from fingerlab.diagnosis import diagnose
+from fingerlab.diagnosis import DiagnosisOptions, diagnose
 from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.diagnosis.score.calibration import session_features
 from fingerlab.prediction import fit_extended, predict_extended
@@ -43,7 +43,9 @@ def run(trial: Trial, recordings: Path | None = None, own_size: bool = False) ->
         path = Path(folder) / "session.h5"
         try:
             record(trial, path)
-            first = diagnose([open_session(path)], with_curves=False, left_out=trial.left_out)
+            first = diagnose(
+                [open_session(path)], with_curves=False, options=DiagnosisOptions(left_out=trial.left_out)
+            )
             result = {"trial": asdict(trial), **told(trial, first)}
             if len(trial.effects) < 2 and not trial.left_out:
                 result["coverage"] = coverage(open_session(path), first)
@@ -66,7 +68,7 @@ def _run_varied(trial: Trial, recordings: Path | None, own_size: bool) -> dict[s
             if not path.exists():
                 record_varied(trial, path)
             session = open_session(path) if own_size else open_varied(trial, path)
-            said = diagnose([session], with_curves=False, left_out=trial.left_out)
+            said = diagnose([session], with_curves=False, options=DiagnosisOptions(left_out=trial.left_out))
             return {**about, **told(trial, said), **features(session, said)}
         except Exception as error:  # the sweep goes on, and the table counts it as wrong
             return {**about, "failed": f"{type(error).__name__}: {error}"}
@@ -93,7 +95,11 @@ def after(trial: Trial, path: Path, first: Diagnosis) -> dict[str, Any]:
         *("--trajectory", json.dumps(proposal), *asked(trial)),
         *("--seed", str(trial.seed), "--out", str(more)),
     )
-    both = diagnose([open_session(path), open_session(more)], with_curves=False, left_out=trial.left_out)
+    both = diagnose(
+        [open_session(path), open_session(more)],
+        with_curves=False,
+        options=DiagnosisOptions(left_out=trial.left_out),
+    )
     separates = [str(name) for name in proposal["separates"]]
     if not set(separates) & set(trial.effects):  # of a truth that is not named its foremost rival counts
         separates = [*trial.effects, separates[-1] if separates[-1] == "nothing_missing" else separates[0]]

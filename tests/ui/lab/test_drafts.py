@@ -11,9 +11,8 @@ from pytestqt.qtbot import QtBot
 
 from fingerlab.diagnosis.draft.laws import DraftLaw
 from fingerlab.ui.app.window import MainWindow
-from fingerlab.ui.lab.drafts import DraftDialog
 from fingerlab.ui.lab.evidence import FingerprintPlot
-from fingerlab.ui.lab.own_effects import EffectEditor, OwnEffects
+from fingerlab.ui.lab.own_effects import DraftDialog, EffectEditor, OwnEffects
 
 from ..hands import child, click, invented_diagnosis, lab_of, wait_for_result
 from .invented_law import invented_law
