@@ -77,6 +77,13 @@ def effect_title(effect: str) -> str:
     return effect.replace("_", " ").capitalize() if one is None else one.title
 
 
+def kept_titles(effects: Sequence[str], titles: Sequence[str] | None) -> tuple[str, ...]:
+    """Titles of effects that a table keeps; by their ids where it keeps none, as older ones do."""
+    if titles and len(titles) == len(effects):
+        return tuple(titles)
+    return tuple(map(effect_title, effects))
+
+
 def called(diagnosis: Diagnosis, effect: str) -> str:
     """An effect's title as it was found in these recordings: what goes once a turn is a weight, no ripple.
 
