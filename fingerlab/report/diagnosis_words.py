@@ -247,6 +247,7 @@ def _verdict_sentence(diagnosis: Diagnosis) -> str:
         )
     best = shown_best_first(diagnosis)[0]
     several = len(indistinguishable(diagnosis)) > 1
+    one = "At least one" if needed_together(diagnosis) else "One"
     fall = (
         f"with {'the first of them' if several else 'it'} the error on {judged_on(diagnosis)} falls "
         f"from {score} to {score_text(best.score)} times {_floor(diagnosis)}"
@@ -256,8 +257,8 @@ def _verdict_sentence(diagnosis: Diagnosis) -> str:
         alike = indistinguishable(diagnosis)
         together = percent(sum(c.probability for c in diagnosis.candidates if c.effect in alike))
         return (
-            f"One of these is missing from {model} ({together} probable), and these data cannot tell which: "
-            f"{called_in_sentence(diagnosis, alike)}; {fall}."
+            f"{one} of these is missing from {model} ({together} probable), and these data cannot tell "
+            f"which: {called_in_sentence(diagnosis, alike)}; {fall}."
         )
     title, chance = in_sentence(best.title), percent(best.probability)
     return f"{title[:1].upper()}{title[1:]} is missing from {model} ({chance} probable): {fall}."
@@ -405,8 +406,18 @@ def _as_well(diagnosis: Diagnosis, best: Candidate) -> str:
     more = [effect for effect in worth_adding(diagnosis) if effect != best.effect]
     if not more:
         return ""
-    names = called_in_sentence(diagnosis, more, on_the_path)
-    return f", and with {names} as well to {score_text(diagnosis.path[-1].score)}"
+    names, end = called_in_sentence(diagnosis, more, on_the_path), score_text(diagnosis.path[-1].score)
+    if best.effect not in worth_adding(diagnosis):  # the path is another one
+        return f", and with {names} instead to {end}"
+    return f", and with {names} as well to {end}"
+
+
+def needed_together(diagnosis: Diagnosis) -> str:
+    """The effects of a path that needs several, as they stand in a sentence; empty where one is enough."""
+    added = worth_adding(diagnosis)
+    if diagnosis.verdict != Verdict.MISSING_EFFECT or diagnosis.better is not None or len(added) < 2:
+        return ""
+    return called_in_sentence(diagnosis, added, on_the_path)
 
 
 def set_sentence(diagnosis: Diagnosis) -> str:
@@ -428,12 +439,22 @@ def set_sentence(diagnosis: Diagnosis) -> str:
         if others:
             named = listed(_judged(diagnosis, others))
             text = " ".join(filter(None, (text, f"Less likely, but not ruled out: {named}.")))
+        if needed_together(diagnosis):
+            return (
+                f"{text} That is of effects one at a time; the path needs {needed_together(diagnosis)} "
+                f"together.{besides}"
+            )
         return (
             f"{text} The one that is truly missing is meant to be among these {len(diagnosis.set)} in 95 % "
             f"of such cases.{besides}"
         )
     if diagnosis.set:
         first = called(diagnosis, diagnosis.set[0])
+        if needed_together(diagnosis):
+            return (
+                f"No single effect is told apart: the path needs {needed_together(diagnosis)} together. Of "
+                f"effects one at a time {in_sentence(first)} is the likeliest.{besides}"
+            )
         return f"{first} is told apart from every other effect of the catalogue.{besides}"
     if diagnosis.verdict == Verdict.NOTHING_MISSING:
         return "No effect is called for, so there is nothing to tell apart."
