@@ -137,7 +137,7 @@ def left_open(diagnosis: Diagnosis) -> tuple[tuple[str, ...], tuple[str, ...]]:
 
 def hidden_besides(diagnosis: Diagnosis) -> tuple[str, ...]:
     """Ids of the effects that these data could not show, and that no other sentence names."""
-    named = not_shown(diagnosis)
+    named = {*not_shown(diagnosis), *suspects(diagnosis), *worth_adding(diagnosis)}
     return tuple(c.effect for c in diagnosis.candidates if not c.detectable and c.effect not in named)
 
 
@@ -148,7 +148,7 @@ def hidden_sentence(diagnosis: Diagnosis) -> str:
         return ""
     names = called_in_sentence(diagnosis, hidden)
     if not_shown(diagnosis):
-        return f"Nor could they have shown, although one of these is less likely: {names}."
+        return f"Less likely, and as little to be seen in these data: {names}."
     return f"These data could not show, at a plausible strength: {names}."
 
 
@@ -424,7 +424,7 @@ def set_sentence(diagnosis: Diagnosis) -> str:
     """What the data cannot tell apart, or could not have shown where nothing is missing."""
     if not_shown(diagnosis):
         hidden, weak = left_open(diagnosis)
-        text = "Whether one of these is missing these data leave open."
+        text = "These data leave open whether one of these is missing."
         unseen, seen = (called_in_sentence(diagnosis, names) for names in (hidden, weak))
         text += f" They could not have shown, at a plausible strength: {unseen}." if hidden else ""
         return f"{text} What they show of these is too weak to tell: {seen}." if weak else text
@@ -499,7 +499,7 @@ def calibration_sentence(diagnosis: Diagnosis) -> str:
     if not said.unusual:
         return f"{text} This session is like those: {percent(said.typicality)} of them are less usual."
     return (
-        f"{text} This session is unlike nearly all of those ({listed(said.unusual)}), so its probabilities "
+        f"{text} This session is unlike nearly all of those: {'; '.join(said.unusual)}. So its probabilities "
         "were drawn towards one another and claim less."
     )
 

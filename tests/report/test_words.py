@@ -8,7 +8,13 @@ import pytest
 
 from fingerlab.diagnosis.answer.results import Diagnosis, EquationError, PathStep, RunShare
 from fingerlab.diagnosis.score.calibration import CalibratedAnswer
-from fingerlab.report.diagnosis_words import next_experiment_words, set_sentence, verdict_sentence
+from fingerlab.report.diagnosis_words import (
+    calibration_sentence,
+    hidden_sentence,
+    next_experiment_words,
+    set_sentence,
+    verdict_sentence,
+)
 from fingerlab.report.score_words import loose_sentence
 from fingerlab.ui.lab.result_words import set_words
 
@@ -162,4 +168,23 @@ def test_a_path_without_the_likeliest_effect_is_not_told_as_if_it_held_it(alike)
     assert "and with tilted base and cable stretch instead to 2.50" in verdict_sentence(other)
     assert "tilted base as well to 2.50" in verdict_sentence(
         needing(single, "coulomb_friction", "gravity_tilt")
+    )
+
+
+def test_what_the_path_holds_or_is_told_of_already_is_not_said_to_be_hidden(alike) -> None:
+    """An effect that shows beside another is seen; one that is not ruled out has its own sentence."""
+    unseen = tuple(replace(one, detectable=False) for one in alike.candidates)
+    said = hidden_sentence(replace(alike, candidates=unseen))
+    assert said == "These data could not show, at a plausible strength: tilted base."
+    assert (
+        hidden_sentence(needing(replace(alike, candidates=unseen), "coulomb_friction", "gravity_tilt")) == ""
+    )
+
+
+def test_what_is_unusual_of_a_session_is_told_one_thing_after_the_other(alike) -> None:
+    unusual = ("runs of the motor alone and no others", "error left 2.3 floors (mostly 1 to 1.4 floors)")
+    said = CalibratedAnswer("4", 100, 100, "", 0.7, 0.95, 0.0, unusual, 1.0, alike.set)
+    assert (
+        "unlike nearly all of those: runs of the motor alone and no others; error left 2.3 floors (mostly 1 "
+        "to 1.4 floors). So its probabilities" in calibration_sentence(replace(alike, calibration=said))
     )

@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from fingerlab.core.text import estimate_text, fixed, in_sentence, screen_unit, significant
+from fingerlab.core.text import estimate_text, fixed, in_sentence, score_text, screen_unit, significant
 from fingerlab.diagnosis.answer.results import BenchFinding
 from fingerlab.diagnosis.equations.coefficients import DELAY
 from fingerlab.diagnosis.equations.parameters import TORQUE_LAG
@@ -160,7 +160,7 @@ def _moved_words(channel: str, spread: float, most: float, run: str, ampere: flo
     degrees = np.degrees(1.0)
     return (
         f"The zero of the {SENSORS[channel]} moves from run to run by {_number(spread * degrees)} degrees, "
-        f"at most by {_number(most * degrees)} in run {run}",
+        f"at most by {_number(most * degrees)} degrees in run {run}",
         "clamp it, or calibrate before each run",
     )
 
@@ -174,12 +174,15 @@ def _spikes(reduction: Reduction) -> list[BenchFinding]:
             continue
         every = round(sum(reduction.samples[n] for n in runs) / count)
         where = f"in {_count(len(runs), 'run')}, one in {every:,} samples"
-        said = f"Channel '{channel}' has {_count(count, 'single spike')} {where}; they are left aside"
+        said = (
+            f"Channel '{channel}' has {_count(count, 'single spike')} {where}, put on the line between their "
+            "neighbours"
+        )
         advice = "look at its plug and its shield"
         if _die_away(reduction, channel, runs):
             said = (
                 f"Channel '{channel}' jumps and dies away again over the next samples; "
-                f"{_count(count, 'sample')} {where}, are left aside"
+                f"{_count(count, 'sample')} {where}, are put on a line"
             )
             advice = "that is how a drive answers a step of its reference, or of a coarse encoder"
         result.append(BenchFinding("spikes", channel, float(count), "samples", names, said, advice))
@@ -341,6 +344,8 @@ def would_have_shown(fitted: FittedModel, effect: Effect, least: float) -> str:
     ]
     if len(said) != len(fitted.sensitivity.strengths):
         return ""
+    if any("," in title for title in said):
+        return "; ".join(said)
     return " and ".join((", ".join(said[:-1]), said[-1]) if len(said) > 1 else said)
 
 
@@ -370,15 +375,18 @@ def explanation(
         alone: there is one run, so that none was held out.
     """
     error = "the error" if alone else "the held-out error"
-    fall = f"{evidence.base.score:.2f} to {fitted.score:.2f} floors"
+    before, after = score_text(evidence.base.score), score_text(fitted.score)
+    fall = f"goes from {before} to {after} floors" if before != after else f"stays at {after} floors"
     said = _said(fitted, effect)
     if not shown:
         strength = would_have_shown(fitted, effect, least)
         reveal = (effect.reveal_of_an_axis if _on_bench(fitted) else "") or effect.reveal
         from_there = f" (it would have shown from {strength} on)" if strength else ""
+        if ";" in strength:
+            from_there = f" (it would have shown from these on: {strength})"
         return f"{said} These data could not show it at a plausible strength{from_there}; {reveal} would."
     if fitted.misfit > evidence.base.misfit * NOTHING_SEEN and not replaced:
-        return f"{said} Nothing of that is seen: {error} goes from {fall}."
+        return f"{said} Nothing of that is seen: {error} {fall}."
     numbers = [
         f"{parameter_title(effect, name)} "
         f"{_grid_value(found) if name in effect.shape_units else estimate_text(found)}"
@@ -387,7 +395,7 @@ def explanation(
     found = f" (first fit: {'; '.join(numbers)})" if numbers else ""
     there = f" in place of {_in_sentence(evidence.base, replaced)}" if replaced else ""
     bounds = _at_bounds(fitted, effect)
-    return f"{said[:-1]}{found}. With it{there} {error} goes from {fall}.{bounds}"
+    return f"{said[:-1]}{found}. With it{there} {error} {fall}.{bounds}"
 
 
 def _at_bounds(fitted: FittedModel, effect: Effect) -> str:
