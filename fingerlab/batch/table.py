@@ -125,11 +125,13 @@ def _answer(result: Diagnosis) -> Row:
         Verdict.NOTHING_MISSING: result.probability_nothing,
         Verdict.NOT_IN_CATALOGUE: result.probability_unknown,
     }
+    titles = {c.effect: c.title for c in result.candidates}
     in_set = [c for c in result.candidates if c.effect in result.set]
     row: Row = {
         "verdict": result.verdict,
         "probability": chance.get(result.verdict, sum(c.probability for c in in_set)),
         "set": list(result.set),
+        "set_titles": [titles[effect] for effect in result.set],
         "first_effect": None if first is None else first.effect,
         "first_probability": None if first is None else first.probability,
         "score": result.score,
@@ -198,6 +200,7 @@ FIXED_COLUMNS = {
     "verdict": pa.string(),
     "probability": pa.float64(),
     "set": pa.list_(pa.string()),
+    "set_titles": pa.list_(pa.string()),
     "first_effect": pa.string(),
     "first_probability": pa.float64(),
     "score": pa.float64(),
@@ -211,8 +214,9 @@ FIXED_COLUMNS = {
 }
 """Columns of every table in their order; errors and parameters, all float64, follow by name.
 
-``score`` and ``final_score`` are in multiples of the floor; ``recorded`` is ``created`` in UTC, null where
-that is no time. A column's unit is in its metadata.
+``set_titles`` are what the effects of ``set`` are called as they were found: a ripple of one period a turn is
+the weight of a link. ``score`` and ``final_score`` are in multiples of the floor; ``recorded`` is ``created``
+in UTC, null where that is no time. A column's unit is in its metadata.
 """
 FIXED_UNITS = {"recorded_seconds": "s", "seconds": "s", "score": "1", "final_score": "1"}
 

@@ -248,7 +248,7 @@ def _print(result: Diagnosis, arc: str, budget: bool) -> None:
     for candidate in words.suspected(result):
         console.print(Text(f"{candidate.title}: {candidate.explanation}\n"))
     strange = result.verdict == Verdict.NOT_IN_CATALOGUE and result.set
-    if len(result.set) > 1 or strange or words.not_shown(result):
+    if len(result.set) > 1 or strange or words.not_shown(result) or words.needed_together(result):
         console.print(Text(words.set_sentence(result)))
     if words.as_good_sentence(result):
         console.print(Text(words.as_good_sentence(result)))

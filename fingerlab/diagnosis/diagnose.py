@@ -31,6 +31,7 @@ from fingerlab.diagnosis.answer.results import (
     PairedDifference,
     PathStep,
 )
+from fingerlab.diagnosis.answer.row_and_score import row_and_score
 from fingerlab.diagnosis.equations.model import Choice, build
 from fingerlab.diagnosis.fit.data import Weights
 from fingerlab.diagnosis.gram.reduction import Reduction
@@ -294,6 +295,7 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
         better=None if found.better is None else _other_model(question.given, found.better),
         as_good=tuple(_other_model(question.given, one) for one in _as_good(found)),
         budget=error_budget(evidence.base, errors, steps, path, by_last),
+        row_and_score=row_and_score(scorer, evidence.base),
         titles={**titles_in(path[-1]), **titles_in(evidence.base)},
     )
 

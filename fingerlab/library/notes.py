@@ -157,6 +157,7 @@ class StoredVerdict:
     table: Path
     outdated: bool
     first: float | None = None
+    titles: tuple[str, ...] = ()
 
 
 def find_verdicts(folder: Path, facts: Sequence[SessionFacts]) -> dict[Path, StoredVerdict]:
@@ -212,6 +213,7 @@ def verdict_of(row: Row, table: Path, outdated: bool = False) -> StoredVerdict |
         table,
         outdated,
         _likeliest(row),
+        tuple(str(title) for title in row.get("set_titles") or ()),
     )
 
 

@@ -64,6 +64,13 @@ def effect_title(effect: str) -> str:
     return effect.replace("_", " ").capitalize() if one is None else one.title
 
 
+def kept_titles(effects: Sequence[str], titles: Sequence[str] | None) -> tuple[str, ...]:
+    """Titles of effects that a table keeps; by their ids where it keeps none, as older ones do."""
+    if titles and len(titles) == len(effects):
+        return tuple(titles)
+    return tuple(map(effect_title, effects))
+
+
 def called(diagnosis: Diagnosis, effect: str) -> str:
     """An effect's title as it was found in these recordings: what goes once a turn is a weight, no ripple.
 
@@ -117,7 +124,7 @@ def left_open(diagnosis: Diagnosis) -> tuple[tuple[str, ...], tuple[str, ...]]:
 
 def hidden_besides(diagnosis: Diagnosis) -> tuple[str, ...]:
     """Ids of the effects that these data could not show, and that no other sentence names."""
-    named = not_shown(diagnosis)
+    named = {*not_shown(diagnosis), *suspects(diagnosis), *worth_adding(diagnosis)}
     return tuple(c.effect for c in diagnosis.candidates if not c.detectable and c.effect not in named)
 
 
@@ -128,7 +135,7 @@ def hidden_sentence(diagnosis: Diagnosis) -> str:
         return ""
     names = called_in_sentence(diagnosis, hidden)
     if not_shown(diagnosis):
-        return f"Nor could they have shown, although one of these is less likely: {names}."
+        return f"Less likely, and as little to be seen in these data: {names}."
     return f"These data could not show, at a plausible strength: {names}."
 
 
@@ -227,6 +234,7 @@ def _verdict_sentence(diagnosis: Diagnosis) -> str:
         )
     best = shown_best_first(diagnosis)[0]
     several = len(indistinguishable(diagnosis)) > 1
+    one = "At least one" if needed_together(diagnosis) else "One"
     fall = (
         f"with {'the first of them' if several else 'it'} the error on {judged_on(diagnosis)} falls "
         f"from {score} to {score_text(best.score)} times {_floor(diagnosis)}"
@@ -236,8 +244,8 @@ def _verdict_sentence(diagnosis: Diagnosis) -> str:
         alike = indistinguishable(diagnosis)
         together = percent(sum(c.probability for c in diagnosis.candidates if c.effect in alike))
         return (
-            f"One of these is missing from {model} ({together} probable), and these data cannot tell which: "
-            f"{called_in_sentence(diagnosis, alike)}; {fall}."
+            f"{one} of these is missing from {model} ({together} probable), and these data cannot tell "
+            f"which: {called_in_sentence(diagnosis, alike)}; {fall}."
         )
     title, chance = in_sentence(best.title), percent(best.probability)
     return f"{title[:1].upper()}{title[1:]} is missing from {model} ({chance} probable): {fall}."
@@ -385,15 +393,25 @@ def _as_well(diagnosis: Diagnosis, best: Candidate) -> str:
     more = [effect for effect in worth_adding(diagnosis) if effect != best.effect]
     if not more:
         return ""
-    names = called_in_sentence(diagnosis, more, on_the_path)
-    return f", and with {names} as well to {score_text(diagnosis.path[-1].score)}"
+    names, end = called_in_sentence(diagnosis, more, on_the_path), score_text(diagnosis.path[-1].score)
+    if best.effect not in worth_adding(diagnosis):  # the path is another one
+        return f", and with {names} instead to {end}"
+    return f", and with {names} as well to {end}"
+
+
+def needed_together(diagnosis: Diagnosis) -> str:
+    """The effects of a path that needs several, as they stand in a sentence; empty where one is enough."""
+    added = worth_adding(diagnosis)
+    if diagnosis.verdict != Verdict.MISSING_EFFECT or diagnosis.better is not None or len(added) < 2:
+        return ""
+    return called_in_sentence(diagnosis, added, on_the_path)
 
 
 def set_sentence(diagnosis: Diagnosis) -> str:
     """What the data cannot tell apart, or could not have shown where nothing is missing."""
     if not_shown(diagnosis):
         hidden, weak = left_open(diagnosis)
-        text = "Whether one of these is missing these data leave open."
+        text = "These data leave open whether one of these is missing."
         unseen, seen = (called_in_sentence(diagnosis, names) for names in (hidden, weak))
         text += f" They could not have shown, at a plausible strength: {unseen}." if hidden else ""
         return f"{text} What they show of these is too weak to tell: {seen}." if weak else text
@@ -408,12 +426,22 @@ def set_sentence(diagnosis: Diagnosis) -> str:
         if others:
             named = listed(_judged(diagnosis, others))
             text = " ".join(filter(None, (text, f"Less likely, but not ruled out: {named}.")))
+        if needed_together(diagnosis):
+            return (
+                f"{text} That is of effects one at a time; the path needs {needed_together(diagnosis)} "
+                f"together.{besides}"
+            )
         return (
             f"{text} The one that is truly missing is meant to be among these {len(diagnosis.set)} in 95 % "
             f"of such cases.{besides}"
         )
     if diagnosis.set:
         first = called(diagnosis, diagnosis.set[0])
+        if needed_together(diagnosis):
+            return (
+                f"No single effect is told apart: the path needs {needed_together(diagnosis)} together. Of "
+                f"effects one at a time {in_sentence(first)} is the likeliest.{besides}"
+            )
         return f"{first} is told apart from every other effect of the catalogue.{besides}"
     if diagnosis.verdict == Verdict.NOTHING_MISSING:
         return "No effect is called for, so there is nothing to tell apart."
@@ -458,7 +486,7 @@ def calibration_sentence(diagnosis: Diagnosis) -> str:
     if not said.unusual:
         return f"{text} This session is like those: {percent(said.typicality)} of them are less usual."
     return (
-        f"{text} This session is unlike nearly all of those ({listed(said.unusual)}), so its probabilities "
+        f"{text} This session is unlike nearly all of those: {'; '.join(said.unusual)}. So its probabilities "
         "were drawn towards one another and claim less."
     )
 

@@ -50,8 +50,8 @@ from fingerlab.report.recording_words import next_experiment_words, paired_sente
 from fingerlab.report.score_words import (
     aside_sentence,
     error_rows_of_story,
-    loose_sentence,
     path_sentence,
+    row_words,
     score_table,
     story,
     story_sentence,
@@ -172,7 +172,7 @@ def render(content: Content, progress: Progress) -> Page:
         story_errors=error_rows_of_story(content.models),
         score_table=score_table(diagnosis),
         aside=aside_sentence(diagnosis),
-        loose=loose_sentence(diagnosis),
+        row_words=row_words(diagnosis),
         budget=budget_table(diagnosis.budget),
         budget_picture=_budget_picture(diagnosis, pictures),
         mending=mending_sentence(diagnosis),

@@ -35,7 +35,7 @@ def short_runs_words(path: Path) -> str:
 
     How long they have to be depends on the machine: what is logged or moves slowly is looked at slowly.
     """
-    from fingerlab.diagnosis.settings import LEAST_RATE_HZ
+    from fingerlab.diagnosis.settings import LEAST_RATE_HZ, SETTLING_SHARE, SHORTEST_STRETCH_S
     from fingerlab.diagnosis.signals.scales import LEAST_SECONDS, find_scales, reduced_run
     from fingerlab.diagnosis.signals.segments import is_too_short
 
@@ -53,7 +53,9 @@ def short_runs_words(path: Path) -> str:
     span = f"{lasts[0]:.1f}" if lasts[-1] - lasts[0] < 0.1 else f"{lasts[0]:.1f} to {lasts[-1]:.1f}"
     return (
         f"Run{'s' if len(short) > 1 else ''} {names} last{'' if len(short) > 1 else 's'} {span} s, too short "
-        f"for a diagnosis: of this machine it needs {LEAST_SECONDS * scales.time:.3g} s a run, for {why}. "
+        f"for a diagnosis: it leaves out {LEAST_SECONDS * SETTLING_SHARE * scales.time:.3g} s in which the "
+        f"machine settles, and its filters need {SHORTEST_STRETCH_S * scales.time:.3g} s of what follows, so "
+        f"that of this machine it needs {LEAST_SECONDS * scales.time:.3g} s a run, for {why}. "
         f"Record longer runs{', or log faster' if by_rate else ''}."
     )
 

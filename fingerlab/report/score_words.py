@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from itertools import groupby, pairwise
 from typing import Any
 
-from fingerlab.core.text import decimals_for, fixed, percent, printed, score_text, screen_unit
+from fingerlab.core.text import amount, decimals_for, fixed, percent, printed, score_text, screen_unit
 from fingerlab.diagnosis.answer.error_parts import EQUATIONS, ExcludedByMotion, ScorePart
 from fingerlab.diagnosis.answer.results import Candidate, Diagnosis
 from fingerlab.diagnosis.score.calibration import Verdict
@@ -239,14 +239,51 @@ FAR_ABOVE = 2.0
 """Times the error over all equations, in floors, from which on a family's own calls for a word; assumed."""
 
 
+def apart_sentence(diagnosis: Diagnosis) -> str:
+    """Why the one row of a motor alone is far from the error over all; empty where it is not."""
+    found, error = diagnosis.row_and_score, diagnosis.errors.get("motor_torque")
+    if found is None or error is None or not error.floor > 0:
+        return ""
+    row = error.rmse / error.floor
+    whole = math.log(diagnosis.score / row)
+    if abs(whole) < math.log(ROW_APART):
+        return ""
+    own, last = (amount(floor, error.unit, 2) for floor in (found.own_floor, found.last_floor))
+    said = {
+        found.yardstick: f"the row is told by what this model misses differently in every cycle, {own}, the "
+        f"error over all by what the model at the end of the path does, {last}",
+        found.stuck: "the row counts in full the moments at which the motor sticks, where friction may hold "
+        "any torque, and the error over all hardly counts them",
+        found.runs: "the row's floor holds all that runs differ by, of which the error over all takes off "
+        "only what friction of another size in each run would look like"
+        if found.runs > 1.0
+        else "the error over all takes off what friction of another size in each run would look like, and "
+        "the row does not",
+    }
+    speaking = {math.log(factor) / whole: words for factor, words in said.items()}
+    reasons = [speaking[share] for share in sorted(speaking, reverse=True) if share > A_REASON]
+    if not reasons:
+        return ""
+    here = f"The error over all is {score_text(diagnosis.score)} floors and the row's {score_text(row)}, for "
+    adds = " What adds up is the table “What the error is made of” of report and window."
+    return f"{here}{'; and '.join(reasons)}.{adds if diagnosis.score_parts else ''}"
+
+
+ROW_APART = 1.5
+"""Factor between row and error over all from which on a reader asks why (assumed)."""
+A_REASON = 0.25
+"""Share of that factor's logarithm from which on a reason is told (assumed)."""
+
+
+def row_words(diagnosis: Diagnosis) -> str:
+    """Why rows of the table say other than the error over all; empty where none does."""
+    said = below_sentence(diagnosis), loose_sentence(diagnosis), apart_sentence(diagnosis)
+    return " ".join(filter(None, said))
+
+
 def score_words(diagnosis: Diagnosis) -> str:
     """All of these sentences."""
-    said = (
-        score_sentence(diagnosis),
-        below_sentence(diagnosis),
-        loose_sentence(diagnosis),
-        aside_sentence(diagnosis),
-    )
+    said = score_sentence(diagnosis), row_words(diagnosis), aside_sentence(diagnosis)
     return " ".join(filter(None, said))
 
 

@@ -24,7 +24,14 @@ from fingerlab.core.text import (
 from fingerlab.diagnosis.equations.parameters import is_loss
 from fingerlab.diagnosis.score.calibration import Verdict
 from fingerlab.effects import CATALOGUE
-from fingerlab.report.diagnosis_words import NOTHING_WORDS, UNKNOWN_WORDS, effect_title, in_sentence, listed
+from fingerlab.report.diagnosis_words import (
+    NOTHING_WORDS,
+    UNKNOWN_WORDS,
+    effect_title,
+    in_sentence,
+    kept_titles,
+    listed,
+)
 from fingerlab.report.parameter_words import SHORT_TITLES, parameter_title
 
 if TYPE_CHECKING:
@@ -301,15 +308,21 @@ def outcome_words(row: Row) -> str:
     words = {Verdict.NOTHING_MISSING: NOTHING_WORDS, Verdict.NOT_IN_CATALOGUE: UNKNOWN_WORDS}
     if row["verdict"] in words:
         return words[row["verdict"]]
-    return effect_title(row["set"][0] if row["set"] else str(row["first_effect"]))
+    if not row["set"]:
+        return effect_title(str(row["first_effect"]))
+    return kept_titles(row["set"], row.get("set_titles"))[0]
 
 
 def not_shown_sentence(rows: Sequence[Row]) -> str:
     """What the sessions in which nothing is missing leave open, and how many of them; or nothing."""
-    left = [row["set"] for row in rows if row["verdict"] == Verdict.NOTHING_MISSING and row["set"]]
+    left = [
+        kept_titles(row["set"], row.get("set_titles"))
+        for row in rows
+        if row["verdict"] == Verdict.NOTHING_MISSING and row["set"]
+    ]
     if not left:
         return ""
-    titles = Counter(in_sentence(effect_title(effect)) for effects in left for effect in effects)
+    titles = Counter(in_sentence(title) for each in left for title in each)
     named = [f"{title} ({count})" for title, count in titles.most_common()]
     where = "One session" if len(left) == 1 else f"{len(left)} sessions"
     leave = "leaves" if len(left) == 1 else "leave"

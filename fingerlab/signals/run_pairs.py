@@ -209,7 +209,10 @@ def _in_time(
     start, other = max(-shift, 0), max(shift, 0)
     length = min(len(one[names[0]]) - start, len(two[names[0]]) - other)
     if length < RATE_HZ:
-        raise UserError(f"Runs {first.name} and {second.name} share less than a second; compare longer ones.")
+        raise UserError(
+            f"Runs {first.name} and {second.name} share less than a second of motion, too little to lay one "
+            "over the other; compare longer ones."
+        )
     axis = np.arange(length) / RATE_HZ
     channels = {
         name: _pair(one[name][None, start : start + length], two[name][None, other : other + length], axis)

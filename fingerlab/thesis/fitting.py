@@ -259,8 +259,8 @@ def fit_motor_bench(session: Session, progress: Progress | None = None) -> Motor
             sums.append(part)
     if not sums:
         raise UserError(
-            f"{session.path} has no motor-bench run of at least three seconds; "
-            "the motor-bench equation needs one."
+            f"{session.path} has no motor-bench run of at least three seconds; the "
+            "motor-bench equation needs one, for its start and the edges of the filter are left out."
         )
     return _solve(session, sums)
 

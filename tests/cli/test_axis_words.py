@@ -144,11 +144,16 @@ def test_a_run_that_is_too_short_is_told_at_its_import_with_the_number_of_its_di
     code, _, err = run_main(["import", "--axis", slow_log(tmp_path, 3.0), "--out", target], capsys)
     assert code == 0
     assert err.splitlines()[-1] == (
-        "Run 001 lasts 3.0 s, too short for a diagnosis: of this machine it needs 12 s a run, for it is "
-        "logged 20 times a second. Record longer runs, or log faster."
+        "Run 001 lasts 3.0 s, too short for a diagnosis: it leaves out 4 s in which the machine settles, and "
+        "its filters need 8 s of what follows, so that of this machine it needs 12 s a run, for it is logged "
+        "20 times a second. Record longer runs, or log faster."
     )
     code, _, err = run_main(["diagnose", target], capsys)
-    assert (code, err.strip().splitlines()[-1].partition(";")[2]) == (2, " a diagnosis needs at least 12 s.")
+    assert (code, err.strip().splitlines()[-1].partition(";")[2]) == (
+        2,
+        " a diagnosis needs at least 12 s: 4 s in which the machine settles are left out, and the filters "
+        "need 8 s of what follows.",
+    )
     long = tmp_path / "l.h5"
     code, _, err = run_main(["import", "--axis", slow_log(tmp_path, 30.0), "--out", long], capsys)
     assert (code, "too short" in err) == (0, False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -37,10 +38,11 @@ def test_moved_zeros_and_spikes_are_told_with_their_size_beside_the_effect() -> 
     assert (moved.kind, moved.channel, moved.unit) == ("moving_zero", "mcp_angle", "rad")
     # One run of each free motion, four in contact: these alone moved.
     assert 0.5 < moved.size / ZEROS_RAD.std(ddof=1) < 1.2
-    assert "degrees" in moved.text
+    assert re.findall(r"by [\d.]+(.{8})", moved.text) == [" degrees", " degrees"]  # each number has its unit
     assert "calibrate" in moved.text
     seconds = sum(run.seconds - 2.0 for run in session.runs)
     assert (spikes.kind, spikes.channel) == ("spikes", "pip_angle")
+    assert "put on the line between their neighbours" in spikes.text  # as the share of the time is told
     assert 0.9 < spikes.size / seconds <= 1.0
     assert found.to_json()["bench"][1]["runs"] == [run.name for run in session.runs]
     # Each is shaded where it was put: 7 ms behind every full second.

@@ -157,7 +157,7 @@ def test_an_unusual_session_is_told_and_its_odds_are_drawn_together() -> None:
     assert told.unusual == ("samples a second 50000 Hz (mostly 180 to 1400 Hz)",)
     assert strange[0] / strange[1] == pytest.approx(math.sqrt(10.0), rel=1e-3)
     assert calibrated(odds, VERDICT, {"rate": 500.0}, "motor_bench", table())[1].unusual == (
-        "runs motor bench alone",
+        "runs of the motor alone and no others",
     )
 
 

@@ -8,7 +8,12 @@ import pytest
 
 from fingerlab.diagnosis.answer.results import Diagnosis, EquationError, PathStep, RunShare
 from fingerlab.diagnosis.score.calibration import CalibratedAnswer
-from fingerlab.report.diagnosis_words import set_sentence, verdict_sentence
+from fingerlab.report.diagnosis_words import (
+    calibration_sentence,
+    hidden_sentence,
+    set_sentence,
+    verdict_sentence,
+)
 from fingerlab.report.recording_words import next_experiment_words
 from fingerlab.report.score_words import loose_sentence
 from fingerlab.ui.lab.result_words import set_words
@@ -130,3 +135,56 @@ def test_a_cable_that_hung_loose_is_said_beside_its_row(nothing) -> None:
     assert loose_sentence(replace(told, run_shares=(replace(loose, left_aside=0.0),))) == ""
     small = {"cable_kinematics": EquationError("m", 1.7e-6, 0.99996, 1.6e-6)}
     assert loose_sentence(replace(told, errors=small)) == ""
+
+
+def needing(found: Diagnosis, *effects: str) -> Diagnosis:
+    """The same with a path that takes these effects one after the other."""
+    steps = [PathStep(effect, 5.0 / (k + 1)) for k, effect in enumerate(effects)]
+    return replace(found, path=(found.path[0], *steps), final_model=effects)
+
+
+def test_of_effects_that_are_needed_together_none_is_said_to_be_told_apart(alike) -> None:
+    """One effect at a time is what probabilities are of; the path needs two."""
+    single = replace(alike, set=("coulomb_friction",))
+    assert "is told apart from every other effect" in set_sentence(single)
+    pair = needing(single, "coulomb_friction", "gravity_tilt")
+    assert set_sentence(pair).startswith(
+        "No single effect is told apart: the path needs Coulomb joint friction and tilted base together. Of "
+        "effects one at a time Coulomb joint friction is the likeliest."
+    )
+    assert set_words(pair) == "Not enough by itself: the path needs several effects together."
+    both = needing(alike, "coulomb_friction", "gravity_tilt")
+    assert "The one that is truly missing" in set_sentence(alike)
+    assert "The one that is truly missing" not in set_sentence(both)
+    assert "the path needs Coulomb joint friction and tilted base together." in set_sentence(both)
+    assert verdict_sentence(alike).startswith("One of these is missing")
+    assert verdict_sentence(both).startswith("At least one of these is missing")
+
+
+def test_a_path_without_the_likeliest_effect_is_not_told_as_if_it_held_it(alike) -> None:
+    """Its end is the error of its own effects."""
+    single = replace(alike, set=("coulomb_friction",))
+    other = needing(single, "gravity_tilt", "cable_stretch")
+    assert "and with tilted base and cable stretch instead to 2.50" in verdict_sentence(other)
+    assert "tilted base as well to 2.50" in verdict_sentence(
+        needing(single, "coulomb_friction", "gravity_tilt")
+    )
+
+
+def test_what_the_path_holds_or_is_told_of_already_is_not_said_to_be_hidden(alike) -> None:
+    """An effect that shows beside another is seen; one that is not ruled out has its own sentence."""
+    unseen = tuple(replace(one, detectable=False) for one in alike.candidates)
+    said = hidden_sentence(replace(alike, candidates=unseen))
+    assert said == "These data could not show, at a plausible strength: tilted base."
+    assert (
+        hidden_sentence(needing(replace(alike, candidates=unseen), "coulomb_friction", "gravity_tilt")) == ""
+    )
+
+
+def test_what_is_unusual_of_a_session_is_told_one_thing_after_the_other(alike) -> None:
+    unusual = ("runs of the motor alone and no others", "error left 2.3 floors (mostly 1 to 1.4 floors)")
+    said = CalibratedAnswer("4", 100, 100, "", 0.7, 0.95, 0.0, unusual, 1.0, alike.set)
+    assert (
+        "unlike nearly all of those: runs of the motor alone and no others; error left 2.3 floors (mostly 1 "
+        "to 1.4 floors). So its probabilities" in calibration_sentence(replace(alike, calibration=said))
+    )

@@ -25,6 +25,7 @@ from fingerlab.report.diagnosis_words import (
     indistinguishable,
     left_open,
     listed,
+    needed_together,
     not_shown,
     on_the_path,
     rivalled,
@@ -143,6 +144,8 @@ def _set_words(diagnosis: Diagnosis) -> str:
         if diagnosis.verdict == Verdict.NOT_IN_CATALOGUE:
             what = "what the path leaves" if worth_adding(diagnosis) else "it"
             return f"None of the {len(diagnosis.candidates)} effects tried explains {what}."
+        if titles and needed_together(diagnosis):
+            return "Not enough by itself: the path needs several effects together."
         return "Told apart from every other effect." if titles else "No effect is called for."
     return f"Cannot be told apart here: {listed(titles)}.{' ' if also else ''}{also}"
 

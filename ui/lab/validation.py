@@ -29,7 +29,7 @@ from fingerlab.report.diagnosis_words import (
     unsure,
 )
 from fingerlab.report.recording_words import next_experiment_words, paired_sentence
-from fingerlab.report.score_words import loose_sentence
+from fingerlab.report.score_words import row_words
 from fingerlab.sessions.model import Session
 
 from ..app.context import ApplicationContext
@@ -203,8 +203,8 @@ class ValidationPanel(QWidget):
         second = (
             " The fit has seen it: only a second run shows whether that holds." if alone(diagnosis) else ""
         )
-        loose = f" {loose_sentence(diagnosis)}".rstrip()
-        self.held_out.setText(f"{misses}{before if names else ''}.{second}{_force_words(history)}{loose}")
+        rows = f" {row_words(diagnosis)}".rstrip()
+        self.held_out.setText(f"{misses}{before if names else ''}.{second}{_force_words(history)}{rows}")
         self.next.setText(
             " ".join(
                 filter(

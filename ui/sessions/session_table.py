@@ -28,7 +28,7 @@ from fingerlab.diagnosis.score.calibration import Verdict
 from fingerlab.library.index import UNWRITTEN, SessionFacts
 from fingerlab.library.notes import LibraryEntry, Note, StoredVerdict, Test
 from fingerlab.library.reviewing import Thumbnail, make_thumbnail
-from fingerlab.report.diagnosis_words import effect_title, in_sentence, listed
+from fingerlab.report.diagnosis_words import in_sentence, kept_titles, listed
 from fingerlab.sessions.model import Run
 from fingerlab.sessions.trajectory import motion_of_run
 
@@ -85,15 +85,20 @@ def verdict_text(verdict: StoredVerdict | None) -> str:
         return ""
     sure = "" if verdict.probability is None else percent(verdict.probability)
     if verdict.effects and not unseen_in(verdict):
-        words, more = effect_title(verdict.effects[0]), len(verdict.effects) - 1
+        words, more = titles_of(verdict)[0], len(verdict.effects) - 1
         if more and verdict.first is None:  # the probability is that it is one of them
-            words = " or ".join(effect_title(effect) for effect in verdict.effects)
+            words = " or ".join(titles_of(verdict))
             sure = f"one of {len(verdict.effects)}, {sure}" if sure else sure
         elif more and verdict.first is not None:
             sure = f"{percent(verdict.first)}, not ruled out: {more} more"
     else:
         words = verdict.verdict.replace("_", " ")
     return f"{words}\n{'outdated' if verdict.outdated else sure}"
+
+
+def titles_of(verdict: StoredVerdict) -> tuple[str, ...]:
+    """What its effects are called: as the diagnosis found them; a table that is older holds ids alone."""
+    return kept_titles(verdict.effects, verdict.titles)
 
 
 def unseen_in(verdict: StoredVerdict) -> tuple[str, ...]:
@@ -106,7 +111,7 @@ def _searched(verdict: StoredVerdict | None) -> str:
     found = verdict_text(verdict)
     if verdict is None or unseen_in(verdict):
         return found
-    return "\n".join((found, *map(effect_title, verdict.effects)))
+    return "\n".join((found, *titles_of(verdict)))
 
 
 def verdict_help(verdict: StoredVerdict | None) -> str:
@@ -115,8 +120,8 @@ def verdict_help(verdict: StoredVerdict | None) -> str:
         return "Not diagnosed yet: no table of 'fingerlab batch' in this folder holds it."
     error = "" if verdict.score is None else f" Final error: {score_text(verdict.score)} times the floor."
     old = " The session was written after the table." if verdict.outdated else ""
-    unseen = [in_sentence(effect_title(effect)) for effect in unseen_in(verdict)]
-    others = [in_sentence(effect_title(effect)) for effect in verdict.effects[1:]]
+    unseen = [*map(in_sentence, titles_of(verdict))] if unseen_in(verdict) else []
+    others = [*map(in_sentence, titles_of(verdict)[1:])]
     if others and verdict.first is not None and not unseen and verdict.probability is not None:
         error = f"{error} Not ruled out: {listed(others)}; {percent(verdict.probability)} together."
     left = f" It leaves open, at a plausible strength: {listed(unseen)}." if unseen else ""

@@ -151,7 +151,7 @@ def _moved_words(channel: str, spread: float, most: float, run: str, ampere: flo
     degrees = np.degrees(1.0)
     return (
         f"The zero of the {SENSORS[channel]} moves from run to run by {_number(spread * degrees)} degrees, "
-        f"at most by {_number(most * degrees)} in run {run}",
+        f"at most by {_number(most * degrees)} degrees in run {run}",
         "clamp it, or calibrate before each run",
     )
 
@@ -165,12 +165,15 @@ def _spikes(reduction: Reduction) -> list[BenchFinding]:
             continue
         every = round(sum(reduction.samples[n] for n in runs) / count)
         where = f"in {_count(len(runs), 'run')}, one in {every:,} samples"
-        said = f"Channel '{channel}' has {_count(count, 'single spike')} {where}; they are left aside"
+        said = (
+            f"Channel '{channel}' has {_count(count, 'single spike')} {where}, put on the line between their "
+            "neighbours"
+        )
         advice = "look at its plug and its shield"
         if _die_away(reduction, channel, runs):
             said = (
                 f"Channel '{channel}' jumps and dies away again over the next samples; "
-                f"{_count(count, 'sample')} {where}, are left aside"
+                f"{_count(count, 'sample')} {where}, are put on a line"
             )
             advice = "that is how a drive answers a step of its reference, or of a coarse encoder"
         result.append(BenchFinding("spikes", channel, float(count), "samples", names, said, advice))

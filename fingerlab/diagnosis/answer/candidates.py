@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from fingerlab.core.text import estimate_text, in_sentence, screen_unit, significant
+from fingerlab.core.text import estimate_text, in_sentence, score_text, screen_unit, significant
 from fingerlab.diagnosis.answer.results import Candidate, Fingerprint
 from fingerlab.diagnosis.score.calibration import CalibratedAnswer, Verdict
 from fingerlab.diagnosis.score.evidence import Evidence, needed_fall, undetectable
@@ -191,6 +191,8 @@ def would_have_shown(fitted: FittedModel, effect: Effect, least: float) -> str:
     ]
     if len(said) != len(fitted.sensitivity.strengths):
         return ""
+    if any("," in title for title in said):
+        return "; ".join(said)
     return " and ".join((", ".join(said[:-1]), said[-1]) if len(said) > 1 else said)
 
 
@@ -220,15 +222,18 @@ def explanation(
         alone: there is one run, so that none was held out.
     """
     error = "the error" if alone else "the held-out error"
-    fall = f"{evidence.base.score:.2f} to {fitted.score:.2f} floors"
+    before, after = score_text(evidence.base.score), score_text(fitted.score)
+    fall = f"goes from {before} to {after} floors" if before != after else f"stays at {after} floors"
     said = _said(fitted, effect)
     if not shown:
         strength = would_have_shown(fitted, effect, least)
         reveal = (effect.reveal_of_an_axis if _on_bench(fitted) else "") or effect.reveal
         from_there = f" (it would have shown from {strength} on)" if strength else ""
+        if ";" in strength:
+            from_there = f" (it would have shown from these on: {strength})"
         return f"{said} These data could not show it at a plausible strength{from_there}; {reveal} would."
     if fitted.misfit > evidence.base.misfit * NOTHING_SEEN and not replaced:
-        return f"{said} Nothing of that is seen: {error} goes from {fall}."
+        return f"{said} Nothing of that is seen: {error} {fall}."
     numbers = [
         f"{parameter_title(effect, name)} "
         f"{_grid_value(found) if name in effect.shape_units else estimate_text(found)}"
@@ -237,7 +242,7 @@ def explanation(
     found = f" (first fit: {'; '.join(numbers)})" if numbers else ""
     there = f" in place of {_in_sentence(evidence.base, replaced)}" if replaced else ""
     bounds = _at_bounds(fitted, effect)
-    return f"{said[:-1]}{found}. With it{there} {error} goes from {fall}.{bounds}"
+    return f"{said[:-1]}{found}. With it{there} {error} {fall}.{bounds}"
 
 
 def _at_bounds(fitted: FittedModel, effect: Effect) -> str:

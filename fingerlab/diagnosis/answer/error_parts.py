@@ -160,6 +160,25 @@ class EquationError:
 
 
 @dataclass(frozen=True)
+class RowAndScore:
+    """What leads from the row of the motor's torque to the error over all: factors, which multiply to it.
+
+    Attributes:
+        own_floor, last_floor: what the model leaves otherwise from cycle to cycle, and what the last model of
+            the path does, by which the score is told; N m.
+        yardstick: one of these in the other.
+        runs: what runs may differ by: in the row's floor, and taken off by the score.
+        stuck: moments at which the motor sticks, which the score weighs less.
+    """
+
+    own_floor: float
+    last_floor: float
+    yardstick: float
+    runs: float
+    stuck: float
+
+
+@dataclass(frozen=True)
 class ScorePart:
     """What one equation of the runs of one motion adds to the squared score of the model as given.
 

@@ -12,6 +12,7 @@ from fingerlab.diagnosis.answer.error_parts import (
     EquationError,
     ExcludedByMotion,
     ExcludedTime,
+    RowAndScore,
     RunShare,
     ScorePart,
 )
@@ -239,6 +240,7 @@ class Diagnosis:
     ``predicted`` what of the proposed run was.
     ``held``: unknowns that somebody held, by key, and their values, SI; all that is told holds only then.
     ``budget``: what the error of each family of equations is made of.
+    ``row_and_score``: why the one row of a motor alone differs from ``score``; None beside a finger.
     ``titles``: what effects of the model as given, and of the path's end, are called as found, by id.
     ``fitted``: the model as given, as it was fitted; ``last``: the one at the end of the path.
     ``constants``: that every run has of its own; None: none were found. ``torque_noise``: how much
@@ -279,6 +281,7 @@ class Diagnosis:
     held: Mapping[str, float] = field(default_factory=dict)
     budget: Mapping[str, Budget] = field(default_factory=dict)
     titles: Mapping[str, str] = field(default_factory=dict)
+    row_and_score: RowAndScore | None = None
     fitted: FittedModel | None = field(default=None, repr=False, compare=False)
     last: FittedModel | None = field(default=None, repr=False, compare=False)
     constants: RunConstants | None = field(default=None, repr=False, compare=False)

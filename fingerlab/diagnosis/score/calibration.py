@@ -249,14 +249,22 @@ class CalibrationTable:
         same = self.phase_shares.get(kind, 0.0)
         if self.phase_shares and same < UNUSUAL:
             share = min(share, same)
-            phases = kind.replace("_", " ") or "no"
-            words.insert(0, f"runs {phases} alone")
+            phases = " and ".join(PHASES_SAID.get(phase, phase) for phase in kind.split())
+            words.insert(0, f"runs {phases} and no others" if phases else "no runs")
         return share, tuple(words)
 
     def widening(self, features: Mapping[str, float], kind: str) -> tuple[float, float, tuple[str, ...]]:
         """By how much the log odds of a session are drawn together, and what :meth:`typicality` says."""
         share, unusual = self.typicality(features, kind)
         return 1.0 + (WIDENING - 1.0) * min(max(1.0 - share / UNUSUAL, 0.0), 1.0), share, unusual
+
+
+PHASES_SAID = {
+    "motor_bench": "of the motor alone",
+    "on_air": "on air",
+    "contact": "in contact",
+    "free": "of free motion",
+}
 
 
 def _unusual(feature: SessionFeature, value: float) -> str:

@@ -75,7 +75,10 @@ def segments_of(run: Run, rig: Rig) -> Iterator[Motion]:
     if is_too_short(run):
         lasts = as_recorded(run).seconds
         raise UserError(
-            f"Run {run.name} lasts {lasts:.1f} s; a diagnosis needs at least {_duration(run, LEAST_SECONDS)}."
+            f"Run {run.name} lasts {lasts:.1f} s; a diagnosis needs at least "
+            f"{_duration(run, LEAST_SECONDS)}: {_duration(run, LEAST_SECONDS - SHORTEST_STRETCH_S)} in which "
+            "the machine settles are left out, and the filters need "
+            f"{_duration(run, SHORTEST_STRETCH_S)} of what follows."
         )
     length = int(LONGEST_STRETCH_S * rate)
     none = True
@@ -88,8 +91,8 @@ def segments_of(run: Run, rig: Rig) -> Iterator[Motion]:
     if none:
         least = _duration(run, settling_s(run) + SHORTEST_STRETCH_S)
         raise UserError(
-            f"Run {run.name} has so many gaps that no {least} of it are whole; record it again, or "
-            "leave it out."
+            f"Run {run.name} has so many gaps that no {least} of it are whole, which a diagnosis needs for "
+            "the machine to settle and for its filters; record it again, or leave it out."
         )
 
 

@@ -1,0 +1,65 @@
+"""Why the one row of a motor alone may tell another multiple of its floor than the error over all does.
+
+Both are of the same residual. The row takes it as it is, by a floor of this model's own: what it leaves
+otherwise from cycle to cycle, and what runs differ by. The score weighs it as every model of the answer, by
+what the last model of the path leaves from cycle to cycle, and takes off what a run may have of its own.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+
+import numpy as np
+
+from fingerlab.diagnosis.answer.error_parts import RowAndScore
+from fingerlab.diagnosis.answer.errors import equation_errors
+from fingerlab.diagnosis.fit.solver import Fitter
+from fingerlab.diagnosis.score.fitted_model import FittedModel
+from fingerlab.diagnosis.score.scorer import Scorer
+from fingerlab.diagnosis.settings import LEAST_TORQUE_SPREAD
+from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
+from fingerlab.effects.base import Row
+
+
+def row_and_score(scorer: Scorer, fitted: FittedModel) -> RowAndScore | None:
+    """The factors of a motor alone; None beside a finger, and where the floor is the least there can be.
+
+    Args:
+        fitted: scored on held-out runs, with its residuals.
+    """
+    groups = scorer.reduced.groups
+    weights = np.array([fitted.weights[group.key][Row.BENCH, Row.BENCH] for group in groups])
+    if not scorer.reduced.on_bench or weights.max() > TOO_FINE / LEAST_TORQUE_SPREAD**2:
+        return None
+    row = equation_errors(scorer.reduced, fitted)["motor_torque"]
+    alone = equation_errors(scorer.reduced, fitted, cycles_alone=True)["motor_torque"]
+    left = np.array([fitted.residuals[group.key][Row.BENCH, Row.BENCH] for group in groups])
+    samples = np.array([float(group.samples) for group in groups])
+    by_last = sqrt(float(samples @ (left * weights)) / samples.sum())
+    if min(row.floor, alone.floor, alone.rmse, by_last) <= 0.0:
+        return None
+    weighed = Fitter(fitted.model, scorer.data, fitted.weights)
+    full = _in_floors(scorer, fitted, weighed)
+    weighed.set_friction_weights(fitted.fit.values)
+    less = _in_floors(scorer, fitted, weighed)
+    return RowAndScore(
+        own_floor=alone.floor,
+        last_floor=alone.rmse / by_last,
+        yardstick=by_last * alone.floor / alone.rmse,
+        runs=row.floor / alone.floor * fitted.score / less,
+        stuck=less / full,
+    )
+
+
+TOO_FINE = 0.5
+"""Share of the greatest weight there is, above which a floor is that of no bench."""
+
+
+def _in_floors(scorer: Scorer, fitted: FittedModel, fitter: Fitter) -> float:
+    """Error over all samples where nothing is a run's own, in floors."""
+    coefficients, misfit = fitter.coefficients(fitted.fit.values)[0], 0.0
+    for i, (group, h) in enumerate(zip(scorer.reduced.groups, coefficients, strict=True)):
+        misfit += float(h @ fitter.part(i, None).matrix @ h)
+        if not group.repeats:  # its weights are those of all that a model leaves
+            misfit -= EFFECTIVE_SHARE * group.samples
+    return sqrt(1.0 + max(misfit, 0.0) / max(fitted.count, 1.0))
