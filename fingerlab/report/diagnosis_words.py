@@ -280,9 +280,20 @@ def _explained_in_part(diagnosis: Diagnosis) -> str:
 
 
 def unexplained_words(diagnosis: Diagnosis) -> str:
-    """The end of a sentence: that no effect explains what is missing, or what those of the path leave."""
-    tried = f"none of the {len(diagnosis.candidates)} effects tried explains"
-    return f", and {tried} {'what is left' if worth_adding(diagnosis) else 'it'}"
+    """The end of a sentence: that no effect explains what is missing, or what those of the path leave.
+
+    Where one would explain it down to what a bench leaves, and is not borne out all the same, it is named.
+    """
+    effects = f"the {len(diagnosis.candidates)} effects tried"
+    if worth_adding(diagnosis):
+        return f", and none of {effects} explains what is left"
+    best = min(diagnosis.candidates, key=lambda one: one.score, default=None)
+    if best is None or best.score > UNEXPLAINED:
+        return f", and none of {effects} explains it"
+    return (
+        f"; of {effects} {in_sentence(best.title)} comes nearest, with {score_text(best.score)} floors, and "
+        f"is not borne out ({percent(best.probability)} probable)"
+    )
 
 
 def indistinguishable(diagnosis: Diagnosis) -> tuple[str, ...]:

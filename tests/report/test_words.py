@@ -93,6 +93,11 @@ def test_what_a_path_explains_is_said_before_what_nothing_explains(unknown) -> N
     assert set_words(found) == "None of the 3 effects tried explains what the path leaves."
     assert set_sentence(found).startswith("What is left is of no effect of the catalogue")
     assert "repeatability, and none of the 3 effects tried explains it." in verdict_sentence(unknown)
+    nearly = replace(unknown, candidates=(replace(unknown.candidates[0], score=1.0), *unknown.candidates[1:]))
+    told = verdict_sentence(nearly)
+    assert "explains it" not in told  # one would explain nearly all, and is not borne out
+    assert "; of the 3 effects tried " in told
+    assert " comes nearest, with 1.00 floors, and is not borne out (" in told
 
 
 def test_a_run_that_would_settle_nothing_is_not_proposed(alike) -> None:
