@@ -128,6 +128,7 @@ def unknown(nothing: Diagnosis) -> Diagnosis:
     """Something repeats that no effect explains."""
     return replace(
         nothing, verdict="not_in_catalogue", score=63.2, path=(PathStep(None, 63.2),),
+        candidates=tuple(replace(one, score=61.0) for one in nothing.candidates),
         probability_nothing=0.0, probability_unknown=1.0,
     )  # fmt: skip
 
