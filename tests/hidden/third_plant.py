@@ -8,7 +8,8 @@ and drifts, angles are read in steps that little noise smooths. The rig text is 
     python -m tests.hidden.third_plant FOLDER [EFFECT ...] --seed 1
 
 records a session for each effect (all of them, and six plain benches, if none is named), diagnoses each file
-and prints what was said.
+and prints what was said. With ``--textbook`` every friction is a hyperbolic tangent of the speed, as in many
+simulators: nothing sticks.
 """
 
 from __future__ import annotations
@@ -63,6 +64,20 @@ TIP_WAY, SHEATH_WAY = 4e-5, 1.5e-4  # m over which tip and sheath give before th
 COUNT = 2.0 * math.pi / (4 * 512 * 4.3)  # rad of the pulley: 512 lines
 
 
+TEXTBOOK = False
+"""Whether friction goes by the speed; numba takes it as it stands when it compiles."""
+TIP_SPEED, SHEATH_SPEED, JOINT_SPEED, MOTOR_SPEED = 1e-3, 5e-4, 0.02, 0.05
+"""m/s and rad/s over which such friction turns round; assumed."""
+
+
+@njit(cache=False)
+def _rub(z: float, rate: float, v: float, width: float, excess: float, slow: float) -> float:
+    """Friction for a level of one: of a bristle, or by the speed."""
+    if TEXTBOOK:
+        return math.tanh(v / width) * (1.0 + excess * math.exp(-((v / slow) ** 2)))
+    return z + BRISTLE_TIME * rate
+
+
 @njit(cache=False)
 def _bristle(z: float, v: float, way: float, excess: float, slow: float) -> float:
     level = 1.0 + excess * math.exp(-((v / slow) ** 2))
@@ -99,8 +114,8 @@ def _rates(y: Array, p: Array, wanted: float, pulley: float, out: Array) -> tupl
     out[8] = _bristle(y[8], v2, p[WAY1], p[EXCESS], p[SLOW])
     out[14] = _bristle(y[14], v1, p[PRE_WAY], 0.0, 1.0)
     out[15] = _bristle(y[15], v2, p[PRE_WAY], 0.0, 1.0)
-    t1 -= p[F1] * (y[7] + BRISTLE_TIME * out[7]) + p[PRE1] * y[14] + p[VISC1] * v1
-    t2 -= p[F2] * (y[8] + BRISTLE_TIME * out[8]) + p[PRE2] * y[15] + p[VISC2] * v2
+    t1 -= p[F1] * _rub(y[7], out[7], v1, JOINT_SPEED, p[EXCESS], p[SLOW]) + p[PRE1] * y[14] + p[VISC1] * v1
+    t2 -= p[F2] * _rub(y[8], out[8], v2, JOINT_SPEED, p[EXCESS], p[SLOW]) + p[PRE2] * y[15] + p[VISC2] * v2
     # Cable: what it is wound on the pulley less what the joints give, and Euler's sheath between.
     arm1, arm2 = p[A] * (1 + p[BEND] * q1), p[B] * (1 + p[BEND] * q2)
     length = p[SIGN] * (p[A] * (q1 + p[BEND] * q1 * q1 / 2) + p[B] * (q2 + p[BEND] * q2 * q2 / 2))
@@ -110,7 +125,7 @@ def _rates(y: Array, p: Array, wanted: float, pulley: float, out: Array) -> tupl
     if taut > 0.0:
         tension = max(p[KC] * taut + p[DC] * (p[R] * vm - pays), 0.0)
     out[10] = _bristle(y[10], pays, SHEATH_WAY, 0.0, 1.0)
-    pull = tension * math.exp(-p[WOUND] * y[10])
+    pull = tension * math.exp(-p[WOUND] * _rub(y[10], 0.0, pays, SHEATH_SPEED, 0.0, 1.0))
     t1 += p[SIGN] * arm1 * pull
     t2 += p[SIGN] * arm2 * pull
     # Tip on the cell, in the frame of the base: x out, d down.
@@ -128,7 +143,7 @@ def _rates(y: Array, p: Array, wanted: float, pulley: float, out: Array) -> tupl
             along = vx * math.cos(n) + vd * math.sin(n)
             normal = max(p[KN] * into * (1 + 3.0 * fast), 0.0)
             out[11] = _bristle(y[11], along, TIP_WAY, 0.15, 0.01)
-            rub = -p[MU] * normal * (y[11] + BRISTLE_TIME * out[11])
+            rub = -p[MU] * normal * _rub(y[11], out[11], along, TIP_SPEED, 0.0, 1.0)
             fx = normal * math.sin(n) + rub * math.cos(n)
             fd = -normal * math.cos(n) + rub * math.sin(n)
             t1 += fx * x1 + fd * u1
@@ -143,7 +158,9 @@ def _rates(y: Array, p: Array, wanted: float, pulley: float, out: Array) -> tupl
     out[6] = (wanted - amps) * p[BAND]
     out[9] = _bristle(y[9], vm, p[WAYM], p[EXCESS], p[SLOW])
     out[16] = _bristle(y[16], vm, p[MOTOR_WAY], 0.0, 1.0)
-    lost = (p[FM] + p[SHARE] * tension * p[R]) * (y[9] + BRISTLE_TIME * out[9]) + p[MOTOR_PRE] * y[16]
+    lost = (p[FM] + p[SHARE] * tension * p[R]) * _rub(y[9], out[9], vm, MOTOR_SPEED, p[EXCESS], p[SLOW]) + p[
+        MOTOR_PRE
+    ] * y[16]
     lost += p[VISCM] * vm + p[BIAS] + p[SPRING] * qm + p[RIPPLE] * math.sin(p[ORDER] * qm + p[PHASE])
     out[5] = (p[KT] * p[RATIO] * amps - lost - p[R] * tension) / p[J]
     return tension, felt, pull
@@ -403,7 +420,9 @@ def main() -> None:
     parser.add_argument("folder", type=Path)
     parser.add_argument("effects", nargs="*")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--textbook", action="store_true", help="Friction by the speed.")
     asked = parser.parse_args()
+    globals()["TEXTBOOK"] = asked.textbook
     every = list(effects(draw(np.random.default_rng(0)), np.random.default_rng(0)))
     trials = [(name, asked.seed) for name in asked.effects or every]
     trials += [] if asked.effects else [("plain", asked.seed + k) for k in range(6)]
