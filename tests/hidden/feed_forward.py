@@ -219,10 +219,10 @@ beyond chance" says that few pairs know too little of a tip that sticks, and of 
 On the simulated rig strengths are 0.6 to 1.6 times the default ones. The way the torque is learned was
 worked out on seeds 501 and 502; nothing was tuned to any other. Seed 503 was taken once, when all stood: on
 half of its benches the nominal model misses hardly more than what both miss, and the median of all says
-little there. The second engine is MuJoCo's mechanics behind raw volts and counts, which shares no physics with the project, driven as a device of one's own
-(`--device own:tests/hidden/engine/own_device.py`) on a virtual clock; its strengths are drawn as in the
-blind trials. Asked for were a median of at most 0.3 on the simulated rig, 0.5 on the second engine, and
-never more than 1.
+little there. The second engine is MuJoCo's mechanics behind raw volts and counts, which shares no physics
+with the project, driven as a device of one's own (`--device own:tests/hidden/engine/own_device.py`) on a
+virtual clock; its strengths are drawn as in the blind trials. Asked for were a median of at most 0.3 on the
+simulated rig, 0.5 on the second engine, and never more than 1.
 """
 
 
