@@ -71,15 +71,15 @@ def test_the_missing_effect_comes_first(name: str) -> None:
 @pytest.mark.parametrize("name", list(CASES))
 def test_the_missing_effect_is_in_a_small_set_with_its_strength(name: str) -> None:
     assert name in diagnosed(name).set
-    # Friction as sharp as this motor's leaves nine floors under every law of the catalogue: of such sessions
-    # the trials have taught that the first answer is often wrong.
-    assert len(diagnosed(name).set) <= 3 or diagnosed(name).path[-1].score > 5.0
+    assert len(diagnosed(name).set) <= 3
+    # Of friction by the speed this is the fit by the travel: what that misses, 8 floors, widens its interval.
+    known = 0.5 if name == "motor_coulomb_friction" else 0.4
     for key, truth in CASES[name][1].items():
         found = found_by(name).parameters[key]
         half = 0.5 * (found.high - found.low)
         # The 90 % interval, and as much again for the one number in ten that lies outside it.
         assert abs(found.value - truth) < 2 * half, key
-        assert half < 0.4 * abs(truth), key
+        assert half < known * abs(truth), key
 
 
 def test_nine_in_ten_strengths_lie_in_their_intervals() -> None:
@@ -91,11 +91,12 @@ def test_nine_in_ten_strengths_lie_in_their_intervals() -> None:
     assert np.mean(inside) >= 0.8
 
 
-@pytest.mark.parametrize("name", [n for n in CASES if n != "motor_coulomb_friction"])
+@pytest.mark.parametrize("name", list(CASES))
 def test_error_falls_to_the_floor_when_the_effect_is_added(name: str) -> None:
     result = diagnosed(name)
     assert [s.added for s in result.path] == [None, name]
-    assert result.path[1].score < 1.2
+    # A motor's friction that is a sign of its speed is steeper than the steepest tangent that is tried.
+    assert result.path[1].score < (1.4 if name == "motor_coulomb_friction" else 1.2)
     assert result.path[0].score == pytest.approx(result.score, rel=0.05)
 
 
