@@ -5,7 +5,6 @@ import numpy as np
 from fingerlab.effects.base import (
     BESIDE_A_FINGER,
     BOTH_JOINTS,
-    FINGER_SPEEDS,
     REVERSAL_SPEED,
     Effect,
     Example,
@@ -59,7 +58,7 @@ EFFECT = Effect(
     "either direction.",
     shapes=WINDING_SHAPES,
     shape_units={"travel_deg": "deg", REVERSAL_SPEED: "rad/s"},
-    closer=rubbing(speeds=FINGER_SPEEDS),
+    closer=rubbing(by_speed=True),
     bench=BESIDE_A_FINGER,
     formula=Formula(
         equation=r"\tau_m = C\,z(\theta_m;\delta) + D",

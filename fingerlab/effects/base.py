@@ -400,7 +400,7 @@ def rubbing(
     factors: Sequence[float] = HALF_OCTAVE,
     sharpnesses: Sequence[float] = SHARPNESSES,
     speed_factors: Sequence[float] = FINEST_OCTAVE,
-    speeds: Sequence[float] = (),
+    by_speed: bool = False,
 ) -> Closer:
     """Friction that builds up over other travels and along other virgin curves.
 
@@ -409,7 +409,7 @@ def rubbing(
     other speeds.
 
     Args:
-        speeds: over which friction beside a finger is tried by the speed, rad/s; without, it is not.
+        by_speed: whether friction beside a finger is tried by the speed, too.
     """
 
     def around(shape: Shape) -> Sequence[Shape]:
@@ -427,7 +427,8 @@ def rubbing(
             one for one in _other_travels(shape, sharpnesses)
             if not min(travels) <= one["travel_deg"] <= max(travels)
         ]  # fmt: skip
-        return [*near, *far, *_other_speeds(shape, REVERSAL_SPEEDS if shape.get(ALONE) else speeds)]
+        beside = FINGER_SPEEDS if by_speed else ()
+        return [*near, *far, *_other_speeds(shape, REVERSAL_SPEEDS if shape.get(ALONE) else beside)]
 
     return around
 

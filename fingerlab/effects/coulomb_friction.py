@@ -3,7 +3,6 @@
 import numpy as np
 
 from fingerlab.effects.base import (
-    FINGER_SPEEDS,
     REVERSAL_SPEED,
     Effect,
     Example,
@@ -35,7 +34,7 @@ EFFECT = Effect(
     mend="Polish or exchange the hinge pins; a larger motion makes its share smaller.",
     shapes=tuple({"travel_deg": travel} for travel in JOINT_TRAVELS_DEG),
     shape_units={"travel_deg": "deg", REVERSAL_SPEED: "rad/s"},
-    closer=rubbing(speeds=FINGER_SPEEDS),
+    closer=rubbing(by_speed=True),
     followed={"coulomb_mcp": "MCP friction, Coulomb", "coulomb_pip": "PIP friction, Coulomb"},
     formula=Formula(
         equation=r"\tau_j = C_j\,z(\theta_j;\delta)",

@@ -3,7 +3,6 @@
 import numpy as np
 
 from fingerlab.effects.base import (
-    FINGER_SPEEDS,
     OCTAVE,
     REVERSAL_SPEED,
     Effect,
@@ -76,7 +75,7 @@ def _closer(shape: Shape) -> list[Shape]:
         others = [{**following, "travel_deg": t, "sharpness": 0.0} for t in WINDING_TRAVELS_DEG]
         return [*rubbing(OCTAVE[1:-1])(held), *others]
     others = [{**held, "travel_deg": t, "sharpness": 1.0} for t in HELD_TRAVELS_DEG]
-    return [*rubbing(speeds=FINGER_SPEEDS)(following), *others]
+    return [*rubbing(by_speed=True)(following), *others]
 
 
 EFFECT = Effect(

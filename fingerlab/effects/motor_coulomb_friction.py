@@ -3,7 +3,6 @@
 from fingerlab.effects.base import (
     ALONE,
     BOTH_JOINTS,
-    FINGER_SPEEDS,
     REVERSAL_SPEED,
     Effect,
     Example,
@@ -30,7 +29,7 @@ EFFECT = Effect(
     shape_units={"travel_deg": "deg", REVERSAL_SPEED: "rad/s"},
     shapes_seen=lambda motions: MOTOR_ALONE_SHAPES,
     switches_seen=(ALONE,),
-    closer=rubbing(speeds=FINGER_SPEEDS),
+    closer=rubbing(by_speed=True),
     bench=True,
     followed={"coulomb": "Motor friction, Coulomb"},
     formula=Formula(

@@ -9,7 +9,6 @@ import numpy as np
 from fingerlab.effects.base import (
     ALONE,
     BOTH_JOINTS,
-    FINGER_SPEEDS,
     OCTAVE,
     REVERSAL_SPEED,
     SPEED_FACTORS,
@@ -76,7 +75,7 @@ EFFECT = Effect(
     closer=every(
         _with_travel,
         times("stribeck_speed", SPEED_FACTORS),
-        rubbing(OCTAVE[1:-1], (0.0, 1.0), OCTAVE, FINGER_SPEEDS),
+        rubbing(OCTAVE[1:-1], (0.0, 1.0), OCTAVE, by_speed=True),
     ),
     bench=True,
     formula=Formula(

@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 
 from fingerlab.effects.base import (
-    FINGER_SPEEDS,
     OCTAVE,
     REVERSAL_SPEED,
     SPEED_FACTORS,
@@ -66,7 +65,7 @@ EFFECT = Effect(
     shape_units={"stribeck_speed": "rad/s", "travel_deg": "deg", REVERSAL_SPEED: "rad/s"},
     closer=every(
         times("stribeck_speed", SPEED_FACTORS),
-        rubbing(sharpnesses=(0.0, 1.0), speed_factors=OCTAVE, speeds=FINGER_SPEEDS),
+        rubbing(sharpnesses=(0.0, 1.0), speed_factors=OCTAVE, by_speed=True),
     ),
     formula=Formula(
         equation=r"\tau_j = z(\theta_j;\delta)\left(C_j + E_j\,e^{-(\dot\theta_j/v_s)^2}\right)",

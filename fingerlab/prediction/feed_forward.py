@@ -299,17 +299,17 @@ def between(nominal: TorquePlan, found: TorquePlan, share: float, rig: Rig) -> T
     """The plan that goes from the nominal torque so far to the found one."""
     if share == 1.0:
         return found
-    torque = nominal.torque + share * (found.torque - nominal.torque)
-    motion = found.pose.motion(rig, found.time, found.force, torque)
-    return judged_plan(found.wanted, found.pose, rig, torque, found.half_width, motion, None)
+    return _with_torque(found, nominal.torque + share * (found.torque - nominal.torque), rig)
 
 
 def mean_plan(plans: Sequence[TorquePlan], rig: Rig) -> TorquePlan:
     """The plan with the mean torque of others for the same wanted force."""
-    first = plans[0]
-    torque = np.mean([plan.torque for plan in plans], axis=0)
-    motion = first.pose.motion(rig, first.time, first.force, torque)
-    return judged_plan(first.wanted, first.pose, rig, torque, first.half_width, motion, None)
+    return _with_torque(plans[0], np.mean([plan.torque for plan in plans], axis=0), rig)
+
+
+def _with_torque(plan: TorquePlan, torque: Array, rig: Rig) -> TorquePlan:
+    motion = plan.pose.motion(rig, plan.time, plan.force, torque)
+    return judged_plan(plan.wanted, plan.pose, rig, torque, plan.half_width, motion, None)
 
 
 def own_error(model: ExtendedModel) -> float:

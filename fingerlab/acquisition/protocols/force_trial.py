@@ -407,8 +407,8 @@ class ForceTrial:
         if name == FOUND and found > WORSE * np.fmax(nominal, own_error(self.model)):
             raise UserError(
                 f"With the found model the force is missed by {1e3 * found:.0f} mN, with the nominal one by "
-                f"{1e3 * nominal:.0f} mN; the model does not fit the bench as it stands: record and diagnose "
-                "it anew."
+                f"up to {1e3 * nominal:.0f} mN; the model does not fit the bench as it stands: record and "
+                "diagnose it anew."
             )
 
     @staticmethod
