@@ -111,7 +111,7 @@ def candidates(
                 score=fitted.score,
                 probability=posterior[i],
                 in_set=i in judged.chosen,
-                parameters=parameters(fitted, one, evidence.temperature),
+                parameters=parameters(fitted, one),
                 equations=one.acts_on,
                 explanation=explanation(
                     evidence, fitted, one, shown, least, models.replaced.get(name, ()), alone
@@ -126,16 +126,20 @@ def candidates(
 
 
 def deviations(fitted: FittedModel, temperature: float) -> dict[str, float]:
-    """Standard deviation of every unknown, given what else is unknown; in the model's units."""
-    spread = fitted.fit.deviations_at(temperature)
-    return dict(zip((u.key for u in fitted.model.unknowns), (float(s) for s in spread), strict=True))
+    """Standard deviation of every unknown, given what else is unknown; in the model's units; 0: held."""
+    spread, held = fitted.fit.deviations_at(temperature), fitted.model.fixed
+    keys = [u.key for u in fitted.model.unknowns]
+    return {key: 0.0 if key in held else float(s) for key, s in zip(keys, spread, strict=True)}
 
 
-def parameters(fitted: FittedModel, effect: Effect, temperature: float) -> dict[str, ParameterEstimate]:
-    """The effect's parameters with 90 % intervals; a grid parameter's interval is to its neighbours."""
+def parameters(fitted: FittedModel, effect: Effect) -> dict[str, ParameterEstimate]:
+    """The effect's parameters with 90 % intervals; a grid parameter's interval is to its neighbours.
+
+    What the model itself leaves widens them: a closer one knows its parameters better.
+    """
     values = fitted.values
     gains = {u.key: u.parameter for u in fitted.model.unknowns}
-    spread = deviations(fitted, temperature)
+    spread = deviations(fitted, fitted.temperature())
     result = {}
     for name, key in own_keys(fitted, effect).items():
         gain, value = gains[key], float(values[key])
@@ -164,9 +168,9 @@ def _estimate_in_si(
     return ParameterEstimate(value * size, unit, low * size, high * size)
 
 
-def every_parameter(fitted: FittedModel, temperature: float) -> dict[str, ParameterEstimate]:
+def every_parameter(fitted: FittedModel) -> dict[str, ParameterEstimate]:
     """All unknowns of the model by key, SI, with 90 % intervals that no bound cuts."""
-    spread = deviations(fitted, temperature)
+    spread = deviations(fitted, fitted.temperature())
     return {
         u.key: _estimate_in_si(
             fitted, u.parameter.unit, float(v), float(v) - Z90 * spread[u.key], float(v) + Z90 * spread[u.key]
@@ -237,7 +241,7 @@ def explanation(
     numbers = [
         f"{parameter_title(effect, name)} "
         f"{_grid_value(found) if name in effect.shape_units else estimate_text(found)}"
-        for name, found in parameters(fitted, effect, evidence.temperature).items()
+        for name, found in parameters(fitted, effect).items()
     ]
     found = f" (first fit: {'; '.join(numbers)})" if numbers else ""
     there = f" in place of {_in_sentence(evidence.base, replaced)}" if replaced else ""
