@@ -263,7 +263,7 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
         errors=errors,
         score=evidence.base.score,
         verdict=verdict,
-        candidates=candidates(judged, told, prints, loose, len(reduction.runs) == 1),
+        candidates=candidates(judged, told, prints, loose, _none_left_out(scorer)),
         set=tuple(evidence.candidates[i].last_effect.id for i in chosen),
         path=steps,
         final_model=tuple(path[-1].effect_ids),
@@ -280,6 +280,7 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
         excluded_by_motion=excluded_by_motion,
         run_shares=each_share,
         excluded_times=excluded,
+        held_out_by_parts=any(group.by_turns for group in scorer.reduced.groups),
         repeats=scorer.reduced.floor_from != "state law",
         floor_from=scorer.reduced.floor_from,
         calibration=calibration,
@@ -298,6 +299,12 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
         row_and_score=row_and_score(scorer, evidence.base),
         titles={**titles_in(path[-1]), **titles_in(evidence.base)},
     )
+
+
+def _none_left_out(scorer: Scorer) -> bool:
+    """Whether there is one run, and nothing of it could be left out of the fit."""
+    groups = scorer.reduced.groups
+    return len(groups) == 1 and len(groups[0].folds) == 1
 
 
 def _paired(

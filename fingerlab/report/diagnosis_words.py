@@ -165,12 +165,31 @@ def _floor(diagnosis: Diagnosis) -> str:
 
 def alone(diagnosis: Diagnosis) -> bool:
     """Whether there is one run, which nothing could be left out of: the fit has seen what it is judged by."""
+    return one_run(diagnosis) and not diagnosis.held_out_by_parts
+
+
+def one_run(diagnosis: Diagnosis) -> bool:
+    """Whether there is one run."""
     return [len(one.runs) for one in diagnosis.held_out] == [1]
 
 
 def judged_on(diagnosis: Diagnosis) -> str:
     """What the errors are of: ``runs left out of the fit``."""
+    if diagnosis.held_out_by_parts:
+        return f"parts of the {'one run there is' if one_run(diagnosis) else 'runs'}, left out of the fit,"
     return "the one run there is, which the fit has seen," if alone(diagnosis) else "runs left out of the fit"
+
+
+def how_judged(diagnosis: Diagnosis) -> str:
+    """How the errors came about, in a sentence or two."""
+    again = "record a second one to see whether the model holds."
+    if alone(diagnosis):
+        return f"There is one run, which the fit has seen: {again}"
+    if not diagnosis.held_out_by_parts:
+        return "Every run was left out of the fit once and then predicted."
+    every = "Every part of it" if one_run(diagnosis) else "Every part of the few runs"
+    said = f"{every} was left out of the fit once and then predicted"
+    return f"There is one run. {said}: {again}" if one_run(diagnosis) else f"{said}."
 
 
 def floor_sentence(diagnosis: Diagnosis) -> str:

@@ -165,7 +165,7 @@ def render(content: Content, progress: Progress) -> Page:
         style=Markup(_resource("report", "page.css")),
         colours=tomllib.loads(_resource("style", "colours.toml")),
         diagnosis=diagnosis,
-        alone=words.alone(diagnosis),
+        how_judged=words.how_judged(diagnosis),
         judged_on=words.judged_on(diagnosis).rstrip(",") + ",",
         story=story(content.models),
         story_sentence=story_sentence(content.models),

@@ -13,7 +13,6 @@ from fingerlab.report.diagnosis_words import (
     NOTHING_WORDS,
     PHASE_WORDS,
     UNKNOWN_WORDS,
-    alone,
     better_chance,
     called,
     could_hide,
@@ -28,6 +27,7 @@ from fingerlab.report.diagnosis_words import (
     needed_together,
     not_shown,
     on_the_path,
+    one_run,
     rivalled,
     unsure,
     worth_adding,
@@ -192,11 +192,11 @@ def outcome_explanation(outcome: str, diagnosis: Diagnosis) -> str:
 
 
 def _runs(diagnosis: Diagnosis) -> str:
-    return "the one run" if alone(diagnosis) else "held-out runs"
+    return "the one run" if one_run(diagnosis) else "held-out runs"
 
 
 def _holds_words(diagnosis: Diagnosis) -> str:
-    if alone(diagnosis):
+    if one_run(diagnosis):
         return "of this one run"
     if could_hide(diagnosis) is not None or unsure(diagnosis):
         return "perhaps, an effect could hide"

@@ -23,8 +23,10 @@ from fingerlab.report.diagnosis_words import (
     could_hide,
     holds,
     in_sentence,
+    judged_on,
     listed,
     on_the_path,
+    one_run,
     rivalled,
     unsure,
 )
@@ -185,8 +187,9 @@ class ValidationPanel(QWidget):
             self.title.setText("Not true: another model is better")
         elif rivalled(diagnosis) and diagnosis.verdict == Verdict.NOTHING_MISSING:
             self.title.setText("Perhaps true: another model is as good")
-        elif holds(diagnosis) and alone(diagnosis):
-            self.title.setText("True of this one run, which the fit has seen")
+        elif holds(diagnosis) and one_run(diagnosis):
+            seen = ", which the fit has seen" if alone(diagnosis) else ""
+            self.title.setText(f"True of this one run{seen}")
         elif holds(diagnosis) and (could_hide(diagnosis) is not None or unsure(diagnosis)):
             self.title.setText("Perhaps true: an effect could hide")
         elif holds(diagnosis):
@@ -197,12 +200,11 @@ class ValidationPanel(QWidget):
             self.title.setText("Not true yet, and the catalogue cannot make it so")
         else:
             self.title.setText("Not true yet")
-        runs = "the one run there is" if alone(diagnosis) else "runs held out of the fit"
+        runs = "the one run there is" if alone(diagnosis) else judged_on(diagnosis).rstrip(",")
         misses = f"{model} misses {runs} by {score_text(diagnosis.score)} times the floor"
         before = f"; the nominal model missed them by {score_text(history.first.diagnosis.score)} times"
-        second = (
-            " The fit has seen it: only a second run shows whether that holds." if alone(diagnosis) else ""
-        )
+        seen = " The fit has seen it: only" if alone(diagnosis) else " Only"
+        second = f"{seen} a second run shows whether that holds." if one_run(diagnosis) else ""
         rows = f" {row_words(diagnosis)}".rstrip()
         self.held_out.setText(f"{misses}{before if names else ''}.{second}{_force_words(history)}{rows}")
         self.next.setText(

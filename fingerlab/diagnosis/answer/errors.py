@@ -25,7 +25,7 @@ from fingerlab.diagnosis.equations.features import FORCE
 from fingerlab.diagnosis.equations.parameters import TORQUE_ZERO
 from fingerlab.diagnosis.fit.noise import floor_covariance, misfit_floor
 from fingerlab.diagnosis.gram.reduction import Reduction
-from fingerlab.diagnosis.gram.run_constants import EquationWeights, RunTotals
+from fingerlab.diagnosis.gram.run_constants import EquationWeights, RunTotals, by_run
 from fingerlab.diagnosis.gram.sums import Group, Reduced
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.settings import NARROW_RATE_HZ
@@ -201,6 +201,7 @@ def run_shares(
     scale = (1.0 if float(fitted.misfits[:, 0].sum()) > 0 else 0.0) / total
     shares, parts = list[RunShare](), list[ScorePart]()
     for group in reduced.groups:
+        of_group = list[RunShare]()
         of_rows = _shares_of_rows(fitted, group)
         left = scale * fitted.folds[group.key].misfits
         for fold, rows, misfit in zip(group.folds, of_rows, left, strict=True):
@@ -214,14 +215,29 @@ def run_shares(
                     squared = part * sum(rows[row] for row in mine)
                     aside = loose / max(count, 1.0) if Row.CABLE in mine else 0.0
                     share = squared + floor * count * len(mine)
-                    shares.append(
+                    of_group.append(
                         RunShare(
                             session, run.name, run.phase, run.cable, family,
                             count / every, aside, squared, share,
                         )
                     )  # fmt: skip
+        shares += _of_whole_runs(of_group) if group.by_turns else of_group
         parts += _parts_of_motions([run for _, run in runs], group, of_rows, left, every)
     return _none_below_zero(shares), tuple(parts)
+
+
+def _of_whole_runs(shares: Sequence[RunShare]) -> Iterator[RunShare]:
+    """Shares of blocks of runs, which were held out in turns, added up to those of the runs."""
+    for place in dict.fromkeys((one.session, one.run, one.equation) for one in shares):
+        mine = [one for one in shares if (one.session, one.run, one.equation) == place]
+        of_samples = sum(one.samples for one in mine)
+        yield replace(
+            mine[0],
+            samples=of_samples,
+            left_aside=sum(one.left_aside * one.samples for one in mine) / max(of_samples, 1e-300),
+            squared=sum(one.squared for one in mine),
+            share=sum(one.share for one in mine),
+        )
 
 
 def _none_below_zero(shares: Sequence[RunShare]) -> tuple[RunShare, ...]:
@@ -244,7 +260,7 @@ def _parts_of_motions(
         folds = [group.folds[k] for k in places]
         samples = sum(fold.samples for fold in folds)
         aside = sum(fold.slack_samples for fold in folds) / max(samples, 1)
-        mine = [runs[n] for n in sorted(one.number for fold in folds for one in fold.totals)]
+        mine = [runs[n] for n in sorted({one.number for fold in folds for one in fold.totals})]
         for row in of_rows[places[0]]:
             yield ScorePart(
                 tuple(run.name for run in mine), mine[0].phase, mine[0].cable, ROW_EQUATIONS[row],
@@ -258,28 +274,28 @@ def excluded_times(
 ) -> tuple[tuple[ExcludedTime, ...], tuple[ExcludedByMotion, ...]]:
     """What of each run's time some equation, or none at all, is not judged by, and why; and by motions."""
     every = reduction.analysed
-    by_run, by_motion = list[ExcludedTime](), list[ExcludedByMotion]()
+    of_runs, of_motions = list[ExcludedTime](), list[ExcludedByMotion]()
     for group in reduced.groups:
         for condition in group.conditions:
             folds = [group.folds[k] for k in group.of_condition(condition)]
-            totals = sorted((one for fold in folds for one in fold.totals), key=lambda one: one.number)
+            totals = by_run([one for fold in folds for one in fold.totals])
             mine = [
                 each
                 for one in totals
                 for each in _excluded_times_of(reduction, one, bool(fitted.model.stiction))
             ]
-            by_run += mine
+            of_runs += mine
             runs = [every[one.number] for one in totals]
             names = tuple(run.name for run in runs)
             lasts = sum(_lasts(reduction, one.number) for one in totals)
             for equation, reason in dict.fromkeys((one.equation, one.reason) for one in mine):
                 seconds = sum(one.seconds for one in mine if one.reason == reason)
-                by_motion.append(
+                of_motions.append(
                     ExcludedByMotion(
                         names, runs[0].phase, runs[0].cable, equation, reason, seconds / lasts, seconds
                     )
                 )
-    return tuple(by_run), tuple(by_motion)
+    return tuple(of_runs), tuple(of_motions)
 
 
 def _excluded_times_of(reduction: Reduction, totals: RunTotals, stiction: bool) -> list[ExcludedTime]:

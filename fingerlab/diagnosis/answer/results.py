@@ -231,9 +231,10 @@ class Diagnosis:
     """The answer to: which effect, if any, explains the reproducible part of what the model misses?
 
     ``parameters`` are those of the model as given, ``final_parameters`` those of ``final_model``: all
-    unknowns, an effect's own as ``effect.gain``, those of a cable routing as ``name@routing``. ``repeats``:
-    some motion came again, which tells the floor; else see ``score.floors``. ``floor_from``: what that rests
-    on.
+    unknowns, an effect's own as ``effect.gain``, those of a cable routing as ``name@routing``.
+    ``held_out_by_parts``: the runs are few, and blocks from all over them were left out of the fits.
+    ``repeats``: some motion came again, which tells the floor; else see ``score.floors``. ``floor_from``:
+    what that rests on.
     ``better``: with given effects exchanged, and likelier than ``model`` and what may be missing beside it;
     the path leads there. ``as_good``: others that these data cannot tell from the best.
     ``calibration`` says what the probabilities were learned from, ``odds`` what they were before, and
@@ -269,6 +270,7 @@ class Diagnosis:
     excluded_by_motion: tuple[ExcludedByMotion, ...] = ()
     run_shares: tuple[RunShare, ...] = ()
     excluded_times: tuple[ExcludedTime, ...] = ()
+    held_out_by_parts: bool = False
     repeats: bool = True
     floor_from: FloorFrom = "cycles"
     bench: tuple[BenchFinding, ...] = ()

@@ -36,7 +36,7 @@ from fingerlab.diagnosis.gram.sums import (
     empty,
     finer_of,
 )
-from fingerlab.diagnosis.settings import MOST_CLOSER, MOST_LOOKED_AT, STATE_ORDERS
+from fingerlab.diagnosis.settings import FEW_RUNS, MOST_CLOSER, MOST_LOOKED_AT, STATE_ORDERS
 from fingerlab.diagnosis.signals.channel_checks import ChannelRatios, check_channels
 from fingerlab.diagnosis.signals.conditions import (
     Fold,
@@ -349,12 +349,14 @@ class Reduction:
         asked, start = {}, 0
         for on_bench, layout in layouts.items():
             found = asked_of(layout, effects, self._first.get(on_bench), start, anew, seek_cycle)
-            asked[on_bench] = replace(found, orders=self._orders, by_state=by_state)
+            by_turns = self._on_bench and len(runs) < FEW_RUNS
+            asked[on_bench] = replace(found, orders=self._orders, by_state=by_state, by_turns=by_turns)
             start += layout.signal_count
         whole = joined(*layouts.values())
         dealt, places = folds_of_runs(runs)
         motions = _shared(self.motions)
         groups: dict[GroupKey, Group] = {}
+        few: dict[GroupKey, list[tuple[int, RunSums]]] = {}
         seen: list[ChannelSigns] = []
         facts: list[ChannelRatios] = []
         each = [asked[run.phase == "motor_bench"] for run in runs]
@@ -365,10 +367,15 @@ class Reduction:
             key = group_key(run)
             if key not in groups:
                 groups[key] = _empty_group(run, whole, dealt[key])
-            _add(groups[key], places[number], sums, number, motions[number])
+            if each[number].by_turns:
+                few.setdefault(key, []).append((number, sums))
+            else:
+                _add(groups[key], places[number], sums, number, motions[number])
             seen += sums.senses
             facts += [] if sums.facts is None else [sums.facts]
             self.repairs[number], self.samples[number] = sums.repairs, sums.samples
+        for key, found_sums in few.items():
+            _add_few(groups[key], found_sums, places, motions)
         check_channels(facts)
         check_senses(seen)
         for group in groups.values():
@@ -418,13 +425,31 @@ def _empty_group(run: Run, layout: Layout, dealt: list[Fold]) -> Group:
     return Group(group_key(run), run.cable_sign, folds, np.zeros((size, size)), dealt=dealt)
 
 
-def _add(group: Group, k: int, found: RunSums, number: int, motion: int | None) -> None:
-    """Add the run of this number to fold ``k`` of its group."""
-    fold = group.folds[k]
-    fold.runs.append(found.run)
-    fold.totals.append(found.run_totals(number, len(fold.products)))
+def _add_few(
+    group: Group, found: Sequence[tuple[int, RunSums]], places: Sequence[int], motions: Sequence[int | None]
+) -> None:
+    """Add the few runs of a group, by their numbers: where no motion comes again, by blocks."""
+    group.by_turns = all(part.noise is None for _, sums in found for part in sums.parts)
+    conditions, size = [fold.condition for fold in group.dealt], len(group.noise)
+    if group.by_turns:
+        turns = 1 + max((part.turn for _, sums in found for part in sums.parts), default=0)
+        group.dealt = [Fold(c, turn) for c in sorted(set(conditions)) for turn in range(turns)]
+        group.folds = [empty(size) for _ in group.dealt]
+    for number, sums in found:
+        _add(group, places[number], sums, number, motions[number], conditions[places[number]])
+
+
+def _add(
+    group: Group, k: int, found: RunSums, number: int, motion: int | None, condition: int | None = None
+) -> None:
+    """Add the run of this number to fold ``k`` of its group, or by turns to those of its ``condition``."""
+    if group.by_turns:
+        for fold, dealt in zip(group.folds, group.dealt, strict=True):
+            if dealt.condition == condition:
+                found.add_to(fold, number, dealt.split)
+    else:
+        found.add_to(group.folds[k], number)
     for part in found.parts:
-        fold.add(part.sums, part.live)
         if part.noise is not None:
             add_among(group.noise, part.noise, part.live)
             group.noise_samples += part.noise_samples

@@ -136,6 +136,15 @@ class Offsets:
     spreads: Array
     rows: Array
 
+    def by_run(self) -> Offsets:
+        """The same with what is thought of a run's blocks as one, on their average."""
+        numbers, place = np.unique(self.numbers, return_inverse=True)
+        if len(numbers) == len(self.numbers):
+            return self
+        share = (place == np.arange(len(numbers))[:, None]) / np.bincount(place)[:, None]
+        means = (share @ one for one in (self.sources, self.spreads, self.rows))
+        return Offsets(tuple(map(int, numbers)), *means)
+
     def taken_off(
         self, products: Array, model: Model, coefficients: Array, totals: Sequence[RunTotals]
     ) -> Array:
@@ -150,6 +159,18 @@ class Offsets:
         cross = (spread @ with_constants(totals, model.pick, alike)) * self.rows[:, None, :]
         square = of_constants(totals, alike) * self.rows[:, :, None] * self.rows[:, None, :]
         return np.asarray(products + (square - cross - cross.transpose(0, 2, 1)).sum(axis=0))
+
+
+def by_run(totals: Sequence[RunTotals]) -> list[RunTotals]:
+    """Those of the same run added up, in the order of the runs' numbers."""
+    found: dict[int, RunTotals] = {}
+    for one in totals:
+        before = found.get(one.number)
+        values, counts = (one.values, one.counts) if before is None else (
+            before.values + one.values, before.counts + one.counts
+        )  # fmt: skip
+        found[one.number] = RunTotals(one.number, values, counts)
+    return [found[number] for number in sorted(found)]
 
 
 def schur_complement(left: Array, posterior_covariance: Array, right: Array) -> Array:

@@ -30,16 +30,16 @@ from fingerlab.diagnosis.gram.decimation import (
     decimated_columns,
     to_cache,
 )
-from fingerlab.diagnosis.gram.state_law import signal_products, torque_products
+from fingerlab.diagnosis.gram.state_law import block_count, signal_products, torque_products
 from fingerlab.diagnosis.gram.sums import Cycle, PairSums, Part, RunSums, Sums, finer_of
-from fingerlab.diagnosis.settings import MOST_HARMONICS, NARROW_RATE_HZ, TASKS_AHEAD, TREND_DEGREE
+from fingerlab.diagnosis.settings import MOST_HARMONICS, NARROW_RATE_HZ, TASKS_AHEAD, TREND_DEGREE, TURNS
 from fingerlab.diagnosis.signals.channel_checks import facts_of
 from fingerlab.diagnosis.signals.conditions import GroupKey
 from fingerlab.diagnosis.signals.filters import noise_of_derivatives
 from fingerlab.diagnosis.signals.segments import segments_of, senses
 from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import Effect, Shape
-from fingerlab.sessions.model import Array, Run, Session
+from fingerlab.sessions.model import Array, IntArray, Run, Session
 from fingerlab.sessions.trajectory import commanded_frequency, found_frequency
 
 
@@ -152,15 +152,16 @@ def run_sums(
         result.repairs.update(motion.repairs)
         result.samples += (len(motion.time) - motion.lead) * run.sample_rate_hz / motion.sample_rate_hz
         live = np.ascontiguousarray(low.columns.T[low.live])
-        part, totals = _products(low, live)
         repeating = repeating_bases(low, run, asked.seek_cycle)
         if repeating is None:
-            result.add(Part(low.live + asked.start, part, totals))
+            for turn, (part, totals) in enumerate(_products_by_turns(low, live, asked.by_turns)):
+                result.add(Part(low.live + asked.start, part, totals, turn=turn))
             if motion.finger is None:
                 result.state_products += torque_products(low, asked.orders)
             elif asked.by_state:
                 result.state_products += signal_products(low)
         else:
+            part, totals = _products(low, live)
             cyclic, trend = live @ repeating[0], live @ repeating[1]
             noise = part.products - cyclic @ cyclic.T
             result.add(Part(low.live + asked.start, part, totals, noise, len(low.time) - cyclic.shape[1]))
@@ -202,19 +203,36 @@ def _decimated(
         cache.keep(number, found)
 
 
-def _products(low: Decimated, live: Array) -> tuple[Sums, Array]:
-    """Sums over one stretch, of products of its live signals, (live, n), and of these, (3, live)."""
-    taut = int(low.taut.sum())
+def _products_by_turns(low: Decimated, live: Array, by_turns: bool) -> Iterator[tuple[Sums, Array]]:
+    """The same as :func:`_products` of what is left out in each turn; of all, if there are no turns."""
+    if not by_turns:
+        yield _products(low, live)
+        return
+    blocks = np.array_split(np.arange(len(low.time)), block_count(len(low.time)))
+    for turn in range(min(TURNS, len(blocks))):
+        yield _products(low, live, np.concatenate(blocks[turn::TURNS]))
+
+
+def _products(low: Decimated, live: Array, of: IntArray | None = None) -> tuple[Sums, Array]:
+    """Sums over one stretch, of products of its live signals, (live, n), and of these, (3, live).
+
+    Args:
+        of: so many of its samples, (m,); None: all.
+    """
     resting = low.taut & low.rest
-    loose, still = live[:, ~low.taut], live[:, resting]
+    begins = np.diff(resting, prepend=False) & resting
+    taut = low.taut
+    if of is not None:
+        live, taut, resting, begins = live[:, of], taut[of], resting[of], begins[of]
+    loose, still = live[:, ~taut], live[:, resting]
     sums = Sums(
         live @ live.T,
         loose @ loose.T if loose.shape[1] else None,
-        taut,
-        len(low.taut) - taut,
+        int(taut.sum()),
+        len(taut) - int(taut.sum()),
         still @ still.T if still.shape[1] else None,
         still.shape[1],
-        int(np.count_nonzero(np.diff(resting, prepend=False) & resting)),
+        int(np.count_nonzero(begins)),
     )
     return sums, np.stack([signals.sum(axis=1) for signals in (live, loose, still)])
 

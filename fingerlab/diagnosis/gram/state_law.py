@@ -19,9 +19,11 @@ import numpy as np
 
 from fingerlab.diagnosis.gram.decimation import Decimated, counted
 from fingerlab.diagnosis.settings import (
+    BLOCK,
+    FEW_RUNS,
+    LEAST_BLOCK,
     LEAST_OWN_SHARE,
     MUCH_THE_SAME,
-    STATE_BLOCK,
     STATE_DAMPING,
     STATE_LEAST_GAIN,
     STATE_MEMORIES_S,
@@ -29,6 +31,7 @@ from fingerlab.diagnosis.settings import (
     STATE_RIDGE,
     STATE_SPEEDS,
     STATE_TRAVELS_DEG,
+    TURNS,
 )
 from fingerlab.diagnosis.signals.filters import decimate
 from fingerlab.physics.friction_states import first_order_lags, slip_states
@@ -112,8 +115,12 @@ def signal_products(low: Decimated) -> list[Array]:
 
 
 def _by_blocks(signals: Array) -> list[Array]:
-    pieces = max(round(signals.shape[1] / STATE_BLOCK), 1)
-    return [block @ block.T for block in np.array_split(signals, pieces, axis=1)]
+    return [block @ block.T for block in np.array_split(signals, block_count(signals.shape[1]), axis=1)]
+
+
+def block_count(samples: int) -> int:
+    """How many blocks a stretch of decimated samples is cut into."""
+    return max(round(samples / BLOCK), min(TURNS, samples // LEAST_BLOCK), 1)
 
 
 def left_out_covariance(
@@ -124,13 +131,11 @@ def left_out_covariance(
     Function after function is taken, while what was left out is told better by it; None: it is not known.
 
     Args:
-        runs: products over blocks of each, the signals last; a single run is left out block by block.
+        runs: products over blocks of each, the signals last; see :func:`_parts`.
         signal_count: number of the signals, on either side of the products.
         late: whether the torque may be logged late, so that the jerk is among the functions.
     """
-    parts = [sum(blocks[1:], blocks[0]) for blocks in runs if blocks]
-    if len(parts) == 1:
-        parts = list(runs[0])
+    parts = _parts(runs)
     if len(parts) < 2:
         return None
     each = np.stack(parts)
@@ -150,6 +155,15 @@ def left_out_covariance(
         found = tried[best]
         taken.append(rest.pop(best))
     return found
+
+
+def _parts(runs: Sequence[Sequence[Array]]) -> list[Array]:
+    """What is left out in turn: runs, or where they are few, blocks from all over them."""
+    runs = [blocks for blocks in runs if blocks]
+    if len(runs) < FEW_RUNS:
+        turns = [[block for blocks in runs for block in blocks[turn::TURNS]] for turn in range(TURNS)]
+        runs = [blocks for blocks in turns if blocks]
+    return [sum(blocks[1:], blocks[0]) for blocks in runs]
 
 
 def variance_of_noise(runs: Sequence[Sequence[Array]]) -> float:

@@ -16,7 +16,7 @@ from typing import Literal
 import numpy as np
 
 from fingerlab.diagnosis.equations.features import FeatureSet, Layout
-from fingerlab.diagnosis.gram.run_constants import EquationWeights, RunConstants, RunTotals
+from fingerlab.diagnosis.gram.run_constants import EquationWeights, RunConstants, RunTotals, by_run
 from fingerlab.diagnosis.signals.channel_checks import ChannelRatios
 from fingerlab.diagnosis.signals.conditions import Fold, GroupKey
 from fingerlab.diagnosis.signals.segments import ChannelSigns
@@ -169,7 +169,8 @@ def empty(size: int) -> Sums:
 class Part:
     """Sums over one or more stretches in which the same signals are ``live``, and of those alone.
 
-    ``totals`` (3, live) as in :class:`RunTotals`; ``noise`` is None where nothing repeats.
+    ``totals`` (3, live) as in :class:`RunTotals`; ``noise`` is None where nothing repeats. ``turn``: in which
+    turn it is left out, where the run it is of is one of few.
     """
 
     live: IntArray
@@ -177,6 +178,7 @@ class Part:
     totals: Array
     noise: Array | None = None
     noise_samples: float = 0.0
+    turn: int = 0
 
 
 @dataclass(frozen=True)
@@ -226,7 +228,8 @@ class RunSums:
     def add(self, part: Part) -> None:
         """Count another stretch; what is alike is added up, so that a long run takes no more room."""
         for mine in self.parts:
-            if np.array_equal(mine.live, part.live) and (mine.noise is None) == (part.noise is None):
+            alike = mine.turn == part.turn and (mine.noise is None) == (part.noise is None)
+            if alike and np.array_equal(mine.live, part.live):
                 mine.sums.add(part.sums)
                 mine.totals += part.totals
                 if mine.noise is not None and part.noise is not None:
@@ -235,13 +238,17 @@ class RunSums:
                 return
         self.parts.append(part)
 
-    def run_totals(self, number: int, signals: int) -> RunTotals:
-        """Sums of all ``signals`` over the run, which has this ``number``."""
-        values, counts = np.zeros((3, signals)), np.zeros(3)
-        for part in self.parts:
+    def add_to(self, fold: Sums, number: int, turn: int | None = None) -> None:
+        """Count in ``fold`` the run, which has this ``number``, or what of it is left out in a ``turn``."""
+        values, counts = np.zeros((3, len(fold.products))), np.zeros(3)
+        parts = [part for part in self.parts if turn is None or part.turn == turn]
+        for part in parts:
+            fold.add(part.sums, part.live)
             values[:, part.live] += part.totals
             counts += (part.sums.samples, part.sums.slack_samples, part.sums.rest_samples)
-        return RunTotals(number, values, counts)
+        if parts:
+            fold.runs.append(self.run)
+            fold.totals.append(RunTotals(number, values, counts))
 
 
 @dataclass
@@ -269,6 +276,8 @@ class Group:
     """Of runs that were told the same motion, by motion and stretch."""
     bounded: bool = False
     """Whether its noise is what no law of the state tells, since no motion comes again: a bound."""
+    by_turns: bool = False
+    """Whether a fold is no run or some, but blocks from all over the few runs of a condition."""
 
     def __post_init__(self) -> None:
         self.dealt = self.dealt or [Fold(0, k) for k in range(len(self.folds))]
@@ -277,6 +286,16 @@ class Group:
     def whole(self) -> Sums:
         """Sums over all folds; asked for when all runs are in."""
         return total(self.folds)
+
+    @property
+    def run_totals(self) -> list[RunTotals]:
+        """Sums of the signals over every run, in order."""
+        return by_run([one for fold in self.folds for one in fold.totals])
+
+    @property
+    def independent_runs(self) -> int:
+        """Its runs; of more than are held out one by one, its folds."""
+        return len(self.run_totals) if self.by_turns else len(self.dealt)
 
     @property
     def conditions(self) -> list[int]:

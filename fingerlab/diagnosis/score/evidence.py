@@ -74,6 +74,8 @@ class Evidence:
     """Probabilities of effects that are not found because they could not show, (candidates,)."""
     instead: Array = field(default_factory=lambda: np.zeros(0))
     """Share of each probability that its effect stands in place of a given one, (candidates,); (0,): none."""
+    no_better: float = 0.0
+    """Probability of effects in place of given ones that the data do not prefer to them."""
     factors: Array = field(default_factory=lambda: np.zeros(0))
     """How much likelier the data are with each effect at a plausible strength than without, (candidates,)."""
 
@@ -104,9 +106,9 @@ class Evidence:
 
     @property
     def verdict(self) -> Verdict:
-        """The likeliest of the three answers."""
-        found = float(np.sum(self.probabilities))
-        if self.nothing >= max(found, self.unknown):
+        """The likeliest of the three answers; a model that does no better than the given one adds nothing."""
+        found = float(np.sum(self.probabilities)) - self.no_better
+        if self.nothing + self.no_better >= max(found, self.unknown):
             return Verdict.NOTHING_MISSING
         return Verdict.MISSING_EFFECT if found >= self.unknown else Verdict.NOT_IN_CATALOGUE
 
@@ -273,6 +275,7 @@ def with_rivals(evidence: Evidence, log_odds: Mapping[str, float]) -> Evidence:
         nothing=kept * evidence.nothing,
         unknown=kept * evidence.unknown,
         instead=instead / np.maximum(probabilities, LEAST_PROBABILITY),
+        no_better=sum(shares[name] for name, odds in log_odds.items() if odds < 0.0),
     )
 
 

@@ -320,7 +320,7 @@ class Scorer:
             in_sample=in_sample,
             in_contact=np.array([g.in_contact for g in self.reduced.groups for _ in g.conditions]),
             held_out=held_out,
-            runs=sum(len(g.dealt) for g in self.reduced.groups),
+            runs=sum(g.independent_runs for g in self.reduced.groups),
             widening=fitter.widening,
             prior_penalty=self._prior_penalty(fitted),
             paired=self._paired(fitted),
@@ -405,7 +405,7 @@ class Scorer:
         """The constants that the runs of every group have of their own beside a scored model."""
         fitter = self._fitter(fitted)
         found = [self._offsets(fitter, fitted.fit.values, i, None) for i in range(len(self.reduced.groups))]
-        return [one for one in found if one is not None]
+        return [one.by_run() for one in found if one is not None]
 
     def _offsets(self, fitter: Fitter, values: Array, i: int, part: FoldNumbers | None) -> Offsets | None:
         if self.data.constants is None:
