@@ -21,6 +21,7 @@ from fingerlab.diagnosis.answer.candidates import (
     candidates,
     cannot_be_ruled_out,
     every_parameter,
+    temperature_for,
     titles_in,
 )
 from fingerlab.diagnosis.answer.errors import equation_errors, excluded_times, held_out_runs, run_shares
@@ -271,8 +272,8 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
         seconds=time.perf_counter() - started,
         probability_nothing=probability[Verdict.NOTHING_MISSING],
         probability_unknown=probability[Verdict.NOT_IN_CATALOGUE],
-        parameters=every_parameter(evidence.base),
-        final_parameters=every_parameter(path[-1]),
+        parameters=every_parameter(evidence.base, temperature_for(evidence, evidence.base)),
+        final_parameters=every_parameter(path[-1], temperature_for(evidence, path[-1])),
         comparisons=curves.comparisons if curves else (),
         failure=curves.failure if curves else None,
         held_out=held_out_runs(reduction.analysed, scorer.reduced, evidence.base),

@@ -166,9 +166,11 @@ SAME_DIFFERENCE = {"frequency_hz": 0.02, "amplitude_deg": 1.0, "offset_deg": 3.0
 """... or by less than this (Hz, degrees at the pulley, N m)."""
 MOST_FOLDS = 30
 """Folds of a group, whatever the number of its conditions: beyond, conditions share folds."""
-FEW_RUNS, TURNS = 4, 8
-"""Of fewer runs, in which no motion comes again, each is held out in so many turns, by blocks from all over
-it; assumed. Of two runs, one slow and one fast, neither tells what the other holds; one has no other."""
+FEW_RUNS, TURNS = 4, 2
+"""Fewer runs, in which no motion comes again, are held out in so many turns, the first half of each and the
+second; assumed. Of two, one slow and one fast, neither tells what the other holds; one has no other. In
+shorter parts what wanders is told by its neighbours: by eighths the floor of a machine whose friction wanders
+by 2 % was a half, and another friction seemed missing."""
 FOLDS = 10
 """Runs of a condition are dealt to at most this many folds; ten runs or fewer are held out one by one."""
 
@@ -301,8 +303,8 @@ would; assumed. Of 116 simulated one-axis machines and nine real logs it holds f
 that winds up, one with play, two with an inertia of each run's own, and one whose friction sticks at 50 Hz.
 A law with memory tells four fifths of the real cogging's floor, too, but the ripple explains far more."""
 BLOCK, LEAST_BLOCK = 25, 6
-"""Decimated samples of a block, about 1 s at the thesis' pace, and at least: few runs are left out by such
-blocks. The low-pass makes two or three neighbours alike."""
+"""Decimated samples of a block, about 1 s at the thesis' pace, and at least; the low-pass makes two or three
+neighbours alike."""
 
 # ## Constants that every run has of its own
 

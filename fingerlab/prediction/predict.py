@@ -343,7 +343,7 @@ def _fit(
         for number, fitted in enumerate([nominal, *(t for t in models if t.choices)]):
             tell(0.7 + 0.3 * number / (len(models) + 1), "calibrating the interval")
             done.append(_calibrated(_variant(scorer, fitted, folds), sessions, by_session))
-        parameters = [every_parameter(scorer.score_held_out(one)) for one in models]
+        parameters = [every_parameter(t, t.temperature()) for t in map(scorer.score_held_out, models)]
     plain, extended, rig = done[0], iter(done[1:]), sessions[0].rig.to_json()
     return tuple(
         ExtendedModel(next(extended) if t.choices else plain, plain, found, hashes, dict(held or {}), rig)

@@ -111,7 +111,7 @@ def candidates(
                 score=fitted.score,
                 probability=posterior[i],
                 in_set=i in judged.chosen,
-                parameters=parameters(fitted, one),
+                parameters=parameters(fitted, one, temperature_for(evidence, fitted)),
                 equations=one.acts_on,
                 explanation=explanation(
                     evidence, fitted, one, shown, least, models.replaced.get(name, ()), alone
@@ -132,14 +132,19 @@ def deviations(fitted: FittedModel, temperature: float) -> dict[str, float]:
     return {key: 0.0 if key in held else float(s) for key, s in zip(keys, spread, strict=True)}
 
 
-def parameters(fitted: FittedModel, effect: Effect) -> dict[str, ParameterEstimate]:
-    """The effect's parameters with 90 % intervals; a grid parameter's interval is to its neighbours.
+def temperature_for(evidence: Evidence, fitted: FittedModel) -> float:
+    """By how much intervals of a model are wider than its noise makes them, squared.
 
-    What the model itself leaves widens them: a closer one knows its parameters better.
+    By what it leaves itself, or by what the best of the first fits does where that is less.
     """
+    return min(evidence.temperature, fitted.temperature())
+
+
+def parameters(fitted: FittedModel, effect: Effect, temperature: float) -> dict[str, ParameterEstimate]:
+    """The effect's parameters with 90 % intervals; a grid parameter's interval is to its neighbours."""
     values = fitted.values
     gains = {u.key: u.parameter for u in fitted.model.unknowns}
-    spread = deviations(fitted, fitted.temperature())
+    spread = deviations(fitted, temperature)
     result = {}
     for name, key in own_keys(fitted, effect).items():
         gain, value = gains[key], float(values[key])
@@ -168,9 +173,9 @@ def _estimate_in_si(
     return ParameterEstimate(value * size, unit, low * size, high * size)
 
 
-def every_parameter(fitted: FittedModel) -> dict[str, ParameterEstimate]:
+def every_parameter(fitted: FittedModel, temperature: float) -> dict[str, ParameterEstimate]:
     """All unknowns of the model by key, SI, with 90 % intervals that no bound cuts."""
-    spread = deviations(fitted, fitted.temperature())
+    spread = deviations(fitted, temperature)
     return {
         u.key: _estimate_in_si(
             fitted, u.parameter.unit, float(v), float(v) - Z90 * spread[u.key], float(v) + Z90 * spread[u.key]
@@ -241,7 +246,7 @@ def explanation(
     numbers = [
         f"{parameter_title(effect, name)} "
         f"{_grid_value(found) if name in effect.shape_units else estimate_text(found)}"
-        for name, found in parameters(fitted, effect).items()
+        for name, found in parameters(fitted, effect, temperature_for(evidence, fitted)).items()
     ]
     found = f" (first fit: {'; '.join(numbers)})" if numbers else ""
     there = f" in place of {_in_sentence(evidence.base, replaced)}" if replaced else ""

@@ -232,7 +232,7 @@ class Diagnosis:
 
     ``parameters`` are those of the model as given, ``final_parameters`` those of ``final_model``: all
     unknowns, an effect's own as ``effect.gain``, those of a cable routing as ``name@routing``.
-    ``held_out_by_parts``: the runs are few, and blocks from all over them were left out of the fits.
+    ``held_out_by_parts``: the runs are few, and parts of them were left out of the fits.
     ``repeats``: some motion came again, which tells the floor; else see ``score.floors``. ``floor_from``:
     what that rests on.
     ``better``: with given effects exchanged, and likelier than ``model`` and what may be missing beside it;

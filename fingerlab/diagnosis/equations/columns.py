@@ -138,7 +138,7 @@ class ReadRequest:
     effect's features in order. ``first``: there was no reading before.
     ``seek_cycle``: no run says how often its motion repeats. ``orders``: periods a turn at which a torque may
     repeat with the angle of a motor alone. ``by_state``: what a law of the state tells of a finger's signals
-    is wanted, see ``gram.state_law``. ``by_turns``: the runs are few, and each is left out block by block.
+    is wanted, see ``gram.state_law``. ``by_turns``: the runs are few, and each is left out part by part.
     """
 
     signals: IntArray

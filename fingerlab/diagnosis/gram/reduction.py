@@ -428,12 +428,12 @@ def _empty_group(run: Run, layout: Layout, dealt: list[Fold]) -> Group:
 def _add_few(
     group: Group, found: Sequence[tuple[int, RunSums]], places: Sequence[int], motions: Sequence[int | None]
 ) -> None:
-    """Add the few runs of a group, by their numbers: where no motion comes again, by blocks."""
+    """Add the few runs of a group, by their numbers: where no motion comes again, by parts."""
     group.by_turns = all(part.noise is None for _, sums in found for part in sums.parts)
     conditions, size = [fold.condition for fold in group.dealt], len(group.noise)
     if group.by_turns:
-        turns = 1 + max((part.turn for _, sums in found for part in sums.parts), default=0)
-        group.dealt = [Fold(c, turn) for c in sorted(set(conditions)) for turn in range(turns)]
+        turns = sorted({part.turn for _, sums in found for part in sums.parts})
+        group.dealt = [Fold(c, turn) for c in sorted(set(conditions)) for turn in turns]
         group.folds = [empty(size) for _ in group.dealt]
     for number, sums in found:
         _add(group, places[number], sums, number, motions[number], conditions[places[number]])

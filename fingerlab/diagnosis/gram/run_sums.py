@@ -30,7 +30,7 @@ from fingerlab.diagnosis.gram.decimation import (
     decimated_columns,
     to_cache,
 )
-from fingerlab.diagnosis.gram.state_law import block_count, signal_products, torque_products
+from fingerlab.diagnosis.gram.state_law import block_count, of_turn, signal_products, torque_products
 from fingerlab.diagnosis.gram.sums import Cycle, PairSums, Part, RunSums, Sums, finer_of
 from fingerlab.diagnosis.settings import MOST_HARMONICS, NARROW_RATE_HZ, TASKS_AHEAD, TREND_DEGREE, TURNS
 from fingerlab.diagnosis.signals.channel_checks import facts_of
@@ -154,7 +154,7 @@ def run_sums(
         live = np.ascontiguousarray(low.columns.T[low.live])
         repeating = repeating_bases(low, run, asked.seek_cycle)
         if repeating is None:
-            for turn, (part, totals) in enumerate(_products_by_turns(low, live, asked.by_turns)):
+            for turn, part, totals in _products_by_turns(low, live, asked.by_turns):
                 result.add(Part(low.live + asked.start, part, totals, turn=turn))
             if motion.finger is None:
                 result.state_products += torque_products(low, asked.orders)
@@ -203,14 +203,15 @@ def _decimated(
         cache.keep(number, found)
 
 
-def _products_by_turns(low: Decimated, live: Array, by_turns: bool) -> Iterator[tuple[Sums, Array]]:
+def _products_by_turns(low: Decimated, live: Array, by_turns: bool) -> Iterator[tuple[int, Sums, Array]]:
     """The same as :func:`_products` of what is left out in each turn; of all, if there are no turns."""
     if not by_turns:
-        yield _products(low, live)
+        yield 0, *_products(low, live)
         return
     blocks = np.array_split(np.arange(len(low.time)), block_count(len(low.time)))
-    for turn in range(min(TURNS, len(blocks))):
-        yield _products(low, live, np.concatenate(blocks[turn::TURNS]))
+    for turn in range(TURNS):
+        if mine := blocks[of_turn(turn, len(blocks))]:
+            yield turn, *_products(low, live, np.concatenate(mine))
 
 
 def _products(low: Decimated, live: Array, of: IntArray | None = None) -> tuple[Sums, Array]:

@@ -118,6 +118,11 @@ def _by_blocks(signals: Array) -> list[Array]:
     return [block @ block.T for block in np.array_split(signals, block_count(signals.shape[1]), axis=1)]
 
 
+def of_turn(turn: int, blocks: int) -> slice:
+    """Which of so many blocks are left out in a turn: neighbours, since what wanders is alike in them."""
+    return slice(turn * blocks // TURNS, (turn + 1) * blocks // TURNS)
+
+
 def block_count(samples: int) -> int:
     """How many blocks a stretch of decimated samples is cut into."""
     return max(round(samples / BLOCK), min(TURNS, samples // LEAST_BLOCK), 1)
@@ -158,10 +163,13 @@ def left_out_covariance(
 
 
 def _parts(runs: Sequence[Sequence[Array]]) -> list[Array]:
-    """What is left out in turn: runs, or where they are few, blocks from all over them."""
+    """What is left out in turn: runs, or where they are few, a part of each."""
     runs = [blocks for blocks in runs if blocks]
     if len(runs) < FEW_RUNS:
-        turns = [[block for blocks in runs for block in blocks[turn::TURNS]] for turn in range(TURNS)]
+        turns = [
+            [block for blocks in runs for block in blocks[of_turn(turn, len(blocks))]]
+            for turn in range(TURNS)
+        ]
         runs = [blocks for blocks in turns if blocks]
     return [sum(blocks[1:], blocks[0]) for blocks in runs]
 

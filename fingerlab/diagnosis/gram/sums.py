@@ -277,7 +277,7 @@ class Group:
     bounded: bool = False
     """Whether its noise is what no law of the state tells, since no motion comes again: a bound."""
     by_turns: bool = False
-    """Whether a fold is no run or some, but blocks from all over the few runs of a condition."""
+    """Whether a fold is no run or some, but a part of each of the few runs of a condition."""
 
     def __post_init__(self) -> None:
         self.dealt = self.dealt or [Fold(0, k) for k in range(len(self.folds))]

@@ -39,6 +39,7 @@ from fingerlab.diagnosis.settings import (
     PRIOR_EFFECTS,
     PRIOR_NOTHING,
     PRIOR_UNKNOWN,
+    RIVAL_LOG_ODDS,
     SET_LOG_ODDS,
     SET_PROBABILITY,
     TIE_LOG_ODDS,
@@ -75,7 +76,7 @@ class Evidence:
     instead: Array = field(default_factory=lambda: np.zeros(0))
     """Share of each probability that its effect stands in place of a given one, (candidates,); (0,): none."""
     no_better: float = 0.0
-    """Probability of effects in place of given ones that the data do not prefer to them."""
+    """Probability of effects in place of given ones that are not clearly the better ones."""
     factors: Array = field(default_factory=lambda: np.zeros(0))
     """How much likelier the data are with each effect at a plausible strength than without, (candidates,)."""
 
@@ -275,7 +276,7 @@ def with_rivals(evidence: Evidence, log_odds: Mapping[str, float]) -> Evidence:
         nothing=kept * evidence.nothing,
         unknown=kept * evidence.unknown,
         instead=instead / np.maximum(probabilities, LEAST_PROBABILITY),
-        no_better=sum(shares[name] for name, odds in log_odds.items() if odds < 0.0),
+        no_better=sum(shares[name] for name, odds in log_odds.items() if odds < RIVAL_LOG_ODDS),
     )
 
 
