@@ -215,10 +215,17 @@ def searched_again(question: Question, scorer: Scorer, found: Found) -> Found:
 
 
 def searched_below_floor(question: Question, found: Found) -> Found:
-    """The search where what passed for noise is mostly none; see ``noise_below_floor``."""
+    """The search where what passed for noise is mostly none; see ``noise_below_floor``.
+
+    What the given effects explain counts as well as what was found beside them.
+    """
     reduction, scorer = question.reduction, found.scorer
     last = found.refined or scorer, found.path[-1]
-    reduction.torque_noise = noise_below_floor(reduction, (scorer, found.path[0]), last)
+    first = found.path[0]
+    if question.given:
+        bare = scorer.fit([], scorer.bare, FULL_ITERATIONS, found.path[-1].weights)
+        first = scorer.score_held_out(bare)
+    reduction.torque_noise = noise_below_floor(reduction, (scorer, first), last)
     if not reduction.torque_noise.told_by:
         return found
     again = Scorer(reduction.of(question.catalogue))
