@@ -104,7 +104,10 @@ def _closer(shape: Shape) -> Sequence[Shape]:
             {**shape, name: shape[name] + k / 4} for name in LINES if name in shape for k in (-2, -1, 1, 2)
         ]
         return [shape, *moved]
-    near = [shape["order"] + k / 2 for k in range(-6, 7)]
+    # Below the usual orders a finger's motor turns by less than a period: what does not come again is a
+    # spring.
+    least = RIPPLE_ORDERS[0] if shape["order"] >= RIPPLE_ORDERS[0] else shape["order"] / 2.0
+    near = [order for k in range(-6, 7) if (order := shape["order"] + k / 2) >= least]
     doubles = [2.0 * order for order in near if 2.0 * order <= RIPPLE_ORDERS[-1]]
     return [{"order": order} for order in sorted({*near, *doubles})]
 

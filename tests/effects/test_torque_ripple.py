@@ -77,3 +77,11 @@ def test_a_multiple_is_no_line_of_its_own() -> None:
     shapes = one.shapes_seen([motion])
     assert {"order": 9.0} in [dict(shape) for shape in shapes]
     assert not any("second_order" in shape for shape in shapes)
+
+
+def test_a_second_look_at_the_lowest_usual_order_finds_no_spring() -> None:
+    """Of order 1.5 a finger's motor turns by a quarter of a period, which is as well an elastic torque."""
+    closer = CATALOGUE["torque_ripple"].closer
+    assert min(shape["order"] for shape in closer({"order": 4.0})) == 4.0
+    assert min(shape["order"] for shape in closer({"order": 22.0})) == 19.0
+    assert min(shape["order"] for shape in closer({"order": 1.0})) == 0.5  # a motor alone that turns further
