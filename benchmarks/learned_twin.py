@@ -23,8 +23,8 @@ from fingerlab.diagnosis import diagnose
 from fingerlab.models.file import save_model
 from fingerlab.prediction import fit_extended, model_of_extended
 from fingerlab.sessions import open_session
+from fingerlab.twin.bench import learned
 from fingerlab.twin.effects import EFFECTS, Effects, parse_effects
-from fingerlab.twin.learned import learned
 from fingerlab.twin.protocols import PROTOCOLS, Preset, load_preset
 from fingerlab.twin.session import write_session
 

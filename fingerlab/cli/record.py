@@ -31,7 +31,7 @@ from fingerlab.sessions.model import CABLES
 if TYPE_CHECKING:
     from fingerlab.acquisition.bench.bench import Bench
     from fingerlab.acquisition.control.machine import Initialise
-    from fingerlab.acquisition.control.position import Gains
+    from fingerlab.acquisition.control.motion import Gains
     from fingerlab.acquisition.protocols.driver import Beginning
     from fingerlab.acquisition.protocols.script import Order
     from fingerlab.acquisition.protocols.steps import Step
@@ -257,7 +257,7 @@ def _planned(options: Mapping[str, Any]) -> tuple[str, tuple[Step, ...] | None]:
 def _trial_steps(options: Mapping[str, Any], rig: Rig) -> tuple[tuple[Step, ...], dict[str, Any]]:
     """Steps of a feed-forward, and what the session is to say of it."""
     from fingerlab.acquisition.protocols.force_trial import ForceTrial, TrialSettings
-    from fingerlab.twin.learned import preset_of
+    from fingerlab.twin.bench import preset_of
 
     amplitude = preset_of(options["preset"]).numbers["protocol"]["contact_amplitude_deg"]
     trial = ForceTrial(
@@ -352,7 +352,7 @@ def _open(
 
 def _gains(text: str | None) -> Gains:
     """Raises UserError where they are no three numbers within what the loop takes."""
-    from fingerlab.acquisition.control.position import Gains, check_gains
+    from fingerlab.acquisition.control.motion import Gains, check_gains
 
     if text is None:
         return Gains()

@@ -178,8 +178,8 @@ def simulate(
     flexion cable; 'rich' adds chirps, multisines, steps and free motion with the flexion cable; 'on-air' and
     'contact' are its two parts; 'motor-bench' is the motor alone against known loads.
     """
+    from fingerlab.twin.bench import learned
     from fingerlab.twin.effects import parse_effects
-    from fingerlab.twin.learned import learned
     from fingerlab.twin.protocols import load_preset
     from fingerlab.twin.session import new_seed, write_session
 

@@ -27,8 +27,8 @@ from fingerlab.devices.protocol import (
 )
 from fingerlab.rig.daq import AnalogInput, Daq, SafetyLines
 from fingerlab.rig.file import INTERVENTION, Rig, default_rig, intervention_of
+from fingerlab.twin.bench import preset_of
 from fingerlab.twin.effects import check_effects
-from fingerlab.twin.learned import preset_of
 from fingerlab.twin.plant import CONTACT, ON_AIR, OUTPUTS
 from fingerlab.twin.protocols import PRACTICE, RATE_HZ, Preset, RunPlan, setup_of
 from fingerlab.twin.recording import BenchStream, seeded_truth

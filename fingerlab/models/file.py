@@ -37,7 +37,7 @@ from fingerlab.core.errors import UserError
 from fingerlab.core.files import new_file, own_data, read_text, whole_file
 from fingerlab.core.plain_data import Mismatch, json_ready, parsed, read_object, structured
 from fingerlab.core.text import ParameterEstimate as ParameterEstimate
-from fingerlab.sessions.hashes import content_hash
+from fingerlab.sessions.disk_files import content_hash
 from fingerlab.sessions.model import Session
 
 FORMAT = "fingerlab-model"

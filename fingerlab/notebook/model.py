@@ -18,7 +18,7 @@ from fingerlab.models.file import DIAGNOSIS_METHOD, ParameterEstimate, SavedMode
 from fingerlab.report import diagnosis_words as words
 from fingerlab.report.page_tables import model_rows
 from fingerlab.report.parameter_words import parameter_titles
-from fingerlab.sessions.hashes import refuse_twice
+from fingerlab.sessions.disk_files import refuse_twice
 from fingerlab.sessions.model import Session
 from fingerlab.sessions.reading import open_session
 

@@ -15,7 +15,15 @@ from fingerlab.core.text import ScreenUnit, screen_unit, with_minus
 from fingerlab.diagnosis.answer.error_parts import Budget, Comparison, equation_of
 from fingerlab.diagnosis.answer.residual_profiles import Profile, profile
 from fingerlab.diagnosis.answer.results import Diagnosis, Failure, Fingerprint, PathStep
-from fingerlab.report.budget_words import budget_lines, main_family
+from fingerlab.report.budget_words import (
+    axis_title,
+    budget_lines,
+    coordinate_unit,
+    coordinates_of,
+    main_family,
+    residual_unit,
+    worst_words,
+)
 from fingerlab.report.diagnosis_words import FAMILY_TITLES, effect_title, in_sentence, suspects
 from fingerlab.report.figure_style import (
     CANDIDATE,
@@ -31,13 +39,6 @@ from fingerlab.report.figure_style import (
     named_rows,
     new_figure,
     score_bars,
-)
-from fingerlab.report.residual_words import (
-    axis_title,
-    coordinate_unit,
-    coordinates_of,
-    residual_unit,
-    worst_words,
 )
 from fingerlab.sessions.model import Array
 

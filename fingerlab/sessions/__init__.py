@@ -7,8 +7,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from fingerlab.sessions.disk_files import content_hash, file_hash, refuse_twice
     from fingerlab.sessions.exporting import copy_session
-    from fingerlab.sessions.hashes import content_hash, file_hash, refuse_twice
     from fingerlab.sessions.model import Run, Session
     from fingerlab.sessions.reading import (
         CheckReport,
@@ -39,11 +39,11 @@ _HOMES = {
     "Session": "model",
     "SessionWriter": "writing",
     "check_session": "reading",
-    "content_hash": "hashes",
+    "content_hash": "disk_files",
     "copy_session": "exporting",
-    "file_hash": "hashes",
+    "file_hash": "disk_files",
     "open_session": "reading",
-    "refuse_twice": "hashes",
+    "refuse_twice": "disk_files",
 }
 
 

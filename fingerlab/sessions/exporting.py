@@ -24,8 +24,7 @@ from fingerlab.core.errors import UserError
 from fingerlab.core.files import OutputSet, new_file
 from fingerlab.core.plain_data import json_ready
 from fingerlab.core.progress import Progress
-from fingerlab.sessions.disk_files import TargetFile
-from fingerlab.sessions.hashes import content_hash
+from fingerlab.sessions.disk_files import TargetFile, content_hash
 from fingerlab.sessions.hdf5 import open_hdf5, write_attributes, writing_to
 from fingerlab.sessions.model import Array, Run, Session
 from fingerlab.sessions.reading import open_session

@@ -14,8 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from fingerlab.acquisition.control.motion import braked
-from fingerlab.acquisition.control.position import Gains
+from fingerlab.acquisition.control.motion import Gains, braked
 from fingerlab.acquisition.control.trajectories import read_trajectory
 from fingerlab.core.errors import UserError
 from fingerlab.rig.file import Intervention, intervention_of

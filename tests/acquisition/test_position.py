@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from fingerlab.acquisition.control.position import GAIN_RANGES, LARGEST_SLOPE, FeedForward, Gains, slowed
+from fingerlab.acquisition.control.motion import GAIN_RANGES, LARGEST_SLOPE, FeedForward, Gains, slowed
 
 PER_AMP = 0.0302 * 4.3  # N m/A at the output: maxon's data sheets of motor and gearbox
 BENCHES = tuple(itertools.product((2.6e-4, 4.0e-4), (0.0, 0.08, 0.15)))  # kg m^2, N m/rad at the output

@@ -9,8 +9,8 @@ import pytest
 
 from fingerlab.diagnosis.answer.error_parts import Comparison, ExcludedInterval
 from fingerlab.diagnosis.answer.residual_profiles import COORDINATES, profile, stretches_in, worst_run
+from fingerlab.report.budget_words import axis_title, bin_words, miss_words, worst_words
 from fingerlab.report.diagnosis_figures import where_figure
-from fingerlab.report.residual_words import axis_title, bin_words, miss_words, worst_words
 
 RATE, SECONDS = 25.0, 40.0
 AMPLITUDE, OMEGA = 0.5, 2 * np.pi * 0.37

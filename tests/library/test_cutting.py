@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from fingerlab.core.errors import UserError
-from fingerlab.library.cutting import RunStretch, cut_session, merge_sessions, rig_differences
+from fingerlab.library.index import RunStretch, cut_session, merge_sessions, rig_differences
 from fingerlab.sessions import check_session, file_hash, open_session
 from tests.conftest import RIG
 

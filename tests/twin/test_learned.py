@@ -21,8 +21,8 @@ from fingerlab.models.file import DIAGNOSIS_METHOD, SavedModel, load_model, save
 from fingerlab.prediction import fit_extended, model_of_extended
 from fingerlab.rig.file import default_rig
 from fingerlab.sessions import open_session
+from fingerlab.twin.bench import learned, preset_of
 from fingerlab.twin.effects import EFFECTS
-from fingerlab.twin.learned import learned, preset_of
 from fingerlab.twin.plant import Nominal
 from fingerlab.twin.protocols import load_preset
 

@@ -31,8 +31,8 @@ from fingerlab.ui.calibrate.calibrate_tab import ask_to_leave
 from fingerlab.ui.lab.model_dialogs import NotesDialog, TriedDialog
 from fingerlab.ui.lab.own_effects import DraftDialog, OwnEffects
 from fingerlab.ui.lab.own_effects import ask_to_leave as ask_to_leave_text
-from fingerlab.ui.sessions.force_trial import TrialDialog
 from fingerlab.ui.sessions.import_dialog import ImportDialog
+from fingerlab.ui.sessions.result_dialogs import TrialDialog
 from fingerlab.ui.widgets.plot_figure import paper_of
 
 from .hands import child
@@ -445,13 +445,13 @@ DIALOGS = (
     Surface(
         "Two sessions run by run",
         (_run_by_run,),
-        ("sessions/pairs_dialog.py:PairsDialog",),
+        ("sessions/result_dialogs.py:PairsDialog",),
         "sessions",
     ),
     Surface(
         "Force trial",
         (_force_trial,),
-        ("sessions/force_trial.py:TrialDialog",),
+        ("sessions/result_dialogs.py:TrialDialog",),
         "sessions",
     ),
     Surface(

@@ -27,7 +27,7 @@ from fingerlab.acquisition.control.machine import (
     Tare,
     initial_of,
 )
-from fingerlab.acquisition.control.position import Gains
+from fingerlab.acquisition.control.motion import Gains
 from fingerlab.acquisition.protocols.finding import find_contact, take_up_slack
 from fingerlab.acquisition.protocols.steps import countdown, prompt_of
 from fingerlab.acquisition.recording import what_was_saved
@@ -512,7 +512,7 @@ class AcquireTab(Tab):
         self.beside_panel.setCurrentWidget(self.torques)
 
     def _show_trial(self, path: Path) -> None:
-        from ..sessions.force_trial import show_force_trial
+        from ..sessions.result_dialogs import show_force_trial
 
         show_force_trial(self.context, path, self.widget)
 

@@ -28,7 +28,7 @@ from PySide6.QtWidgets import (
 )
 
 from fingerlab.acquisition.control.machine import SetGains
-from fingerlab.acquisition.control.position import GAIN_RANGES, Gains
+from fingerlab.acquisition.control.motion import GAIN_RANGES, Gains
 from fingerlab.acquisition.control.trajectories import (
     BY_POINTS,
     DEFAULT_PATTERN_S,

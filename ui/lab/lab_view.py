@@ -13,8 +13,8 @@ from fingerlab.diagnosis.answer.error_parts import Comparison, equation_of
 from fingerlab.diagnosis.answer.residual_profiles import Profile, full_rate, stretches_in, worst_run
 from fingerlab.diagnosis.score.calibration import Verdict
 from fingerlab.models.file import View
+from fingerlab.report.budget_words import bin_words
 from fingerlab.report.diagnosis_words import not_shown
-from fingerlab.report.residual_words import bin_words
 from fingerlab.sessions.model import Array
 
 from ..widgets.layout import FLUSH, Panes, Spacer, described, hbox, vbox

@@ -19,8 +19,7 @@ from fingerlab.diagnosis.answer.residual_profiles import (
     most_orderly,
     profile,
 )
-from fingerlab.report.diagnosis_words import PHASE_WORDS, in_sentence
-from fingerlab.report.residual_words import (
+from fingerlab.report.budget_words import (
     axis_title,
     bin_words,
     coordinate_unit,
@@ -29,6 +28,7 @@ from fingerlab.report.residual_words import (
     residual_unit,
     worst_words,
 )
+from fingerlab.report.diagnosis_words import PHASE_WORDS, in_sentence
 from fingerlab.sessions.model import Array
 
 from ..widgets.layout import FLUSH, hbox, vbox

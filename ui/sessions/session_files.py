@@ -15,8 +15,7 @@ from PySide6.QtCore import QFile, QObject, QStandardPaths, Signal
 from PySide6.QtWidgets import QFileDialog, QWidget
 
 from fingerlab.core.errors import UserError
-from fingerlab.library.cutting import RunStretch, cut_session, merge_sessions
-from fingerlab.library.index import SessionFacts
+from fingerlab.library.index import RunStretch, SessionFacts, cut_session, merge_sessions
 from fingerlab.library.notes import Note
 from fingerlab.sessions.exporting import copy_session
 from fingerlab.sessions.model import Run, Session

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from fingerlab.batch.run import BatchResult
     from fingerlab.signals.run_pairs import SessionPair
 
-    from .pairs_dialog import PairsDialog
+    from .result_dialogs import PairsDialog
     from .review_page import ReviewPage
     from .trend_dialog import TrendDialog
 
@@ -496,7 +496,7 @@ class SessionsTab(Tab):
 
     def show_pair(self, found: SessionPair) -> None:
         """Show two sessions that were compared run by run."""
-        from .pairs_dialog import PairsDialog
+        from .result_dialogs import PairsDialog
 
         if self._pairs is None:
             self._pairs = PairsDialog(self.widget)
@@ -506,7 +506,7 @@ class SessionsTab(Tab):
 
     def show_force_trial(self) -> None:
         """By how much the force error fell in the chosen session, in a window of its own."""
-        from .force_trial import show_force_trial
+        from .result_dialogs import show_force_trial
 
         if self._one():
             self.context.hush()

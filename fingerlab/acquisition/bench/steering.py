@@ -11,13 +11,16 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fingerlab.acquisition.control.machine import Approach, Command, Jog, SetGains, Start, TakeUp, Winding
-from fingerlab.acquisition.control.motion import Reference, Settling, TorqueDrive, check_torque
-from fingerlab.acquisition.control.position import (
+from fingerlab.acquisition.control.motion import (
     GAIN_RANGES,
     FeedForward,
     Gains,
     PositionLoop,
+    Reference,
+    Settling,
+    TorqueDrive,
     check_gains,
+    check_torque,
     slowed,
 )
 from fingerlab.acquisition.control.safety import Bounds, Reading, Watchdog

@@ -30,7 +30,7 @@ from fingerlab.acquisition.control.machine import (
     SetUp,
     Start,
 )
-from fingerlab.acquisition.control.position import Gains
+from fingerlab.acquisition.control.motion import Gains
 from fingerlab.acquisition.control.units import BenchUnits
 from fingerlab.acquisition.ring import COLUMN
 from fingerlab.acquisition.status import Input, Slot

@@ -15,7 +15,7 @@ from fingerlab.devices.simulated import Simulation
 from fingerlab.sessions import open_session
 from fingerlab.twin.effects import parse_effects
 from fingerlab.ui.app.context import Settings
-from fingerlab.ui.sessions.force_trial import TrialDialog
+from fingerlab.ui.sessions.result_dialogs import TrialDialog
 from fingerlab.ui.sessions.sessions_tab import SessionsTab
 from tests.prediction.trial_model import EFFECT, SEED, model_with_effect
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from fingerlab.core.text import NO_BREAK
 from fingerlab.diagnosis.answer.error_parts import ScorePart
-from fingerlab.report.residual_words import coordinates_of
+from fingerlab.report.budget_words import coordinates_of
 from fingerlab.report.score_words import score_sentence
 from fingerlab.ui.lab.result_words import verdict_headline
 

@@ -12,7 +12,7 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QLabel, QPushButton, QTableWidget
 from pytestqt.qtbot import QtBot
 
-from fingerlab.ui.sessions.pairs_dialog import PairsDialog
+from fingerlab.ui.sessions.result_dialogs import PairsDialog
 from fingerlab.ui.sessions.sessions_tab import SessionsTab
 
 from ..hands import LEFT, PATIENCE, child, click

@@ -14,8 +14,7 @@ from fingerlab.ui.app.documents import Documents
 from fingerlab.ui.app.window import MainWindow
 from fingerlab.ui.lab.budget import BudgetDialog
 from fingerlab.ui.predict.force_panel import ModelsDialog
-from fingerlab.ui.sessions.force_trial import TrialDialog
-from fingerlab.ui.sessions.pairs_dialog import PairsDialog
+from fingerlab.ui.sessions.result_dialogs import PairsDialog, TrialDialog
 from fingerlab.ui.sessions.trend_dialog import TrendDialog
 
 LOW = QRect(0, 0, 1280, 720)
