@@ -57,8 +57,7 @@ class AcquireHeader(QWidget):
         self.disconnect_button = QPushButton("Disconnect")
         self.disconnect_button.setObjectName("disconnect")
         self.disconnect_button.setToolTip("Stop the motor and let the device go, to choose another.")
-        self.open = QPushButton("Look at the recording")
-        self.open.setObjectName("openRecording")
+        self.open = described(QPushButton("Look at the recording"), "openRecording")
         self._path = ""
         layout = QHBoxLayout(self)
         layout.setContentsMargins(16, 0, 8, 0)
@@ -251,8 +250,7 @@ class TriggerButton(QToolButton):
         self.setToolTip("Start the picture where a quantity crosses a level (Ctrl+G).")
         self.setPopupMode(QToolButton.ToolButtonPopupMode.InstantPopup)
         form = QWidget()
-        self.on = QCheckBox("&Trigger")
-        self.on.setObjectName("triggerOn")
+        self.on = described(QCheckBox("&Trigger"), "triggerOn")
         self.quantity: QComboBox = choice(
             "triggerQuantity", {name: QUANTITIES[name].title for name in SHOWN}, "Quantity that triggers."
         )
@@ -305,8 +303,7 @@ class TriggerButton(QToolButton):
 
 
 def _switch(name: str, text: str, help_text: str) -> QPushButton:
-    button = QPushButton(text)
-    button.setObjectName(name)
+    button = described(QPushButton(text), name)
     button.setCheckable(True)
     button.setToolTip(help_text)
     return button

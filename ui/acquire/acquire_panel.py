@@ -215,8 +215,7 @@ class AcquirePanel(QWidget):
         self.progress.setSizePolicy(keeps)
         self.progress.hide()
         self.hand_left = described(ElidedLabel(), "motionLeft", accessible="Time left of the motion")
-        self.left = ElidedLabel()
-        self.left.setObjectName("protocolLeft")
+        self.left = described(ElidedLabel(), "protocolLeft")
         for entries in (
             (
                 self.motion,
@@ -278,10 +277,8 @@ class AcquirePanel(QWidget):
             1.0,
             "Pre-trigger: seconds before the key that are recorded, too.",
         )
-        self.note = QLineEdit()
-        self.note.setObjectName("note")
+        self.note = described(QLineEdit(), "note", accessible="Note for a marker")
         self.note.setPlaceholderText("Note for a marker")
-        self.note.setAccessibleName("Note for a marker")
         self.note.returnPressed.connect(lambda: actions.mark())
         self.mark = ActionButton(
             "Mar&k",
@@ -321,8 +318,7 @@ class AcquirePanel(QWidget):
         self.details = ActionButton(
             "Details…", "details", "Folder, title, operator and notes of the session.", actions.details
         )
-        self.count = ElidedLabel()
-        self.count.setObjectName("recordedText")
+        self.count = described(ElidedLabel(), "recordedText")
         self.writing = progress_bar("writingProgress", "Progress of writing and verifying")
         self.writing.setTextVisible(False)
         self.writing.hide()

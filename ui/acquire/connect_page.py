@@ -126,8 +126,7 @@ class ConnectPage(QWidget):
         self.fault_after.setSuffix(" s")
 
     def _make_card(self) -> None:
-        self.found = QLabel("Looking for a data acquisition card …")
-        self.found.setObjectName("foundSentence")
+        self.found = described(QLabel("Looking for a data acquisition card …"), "foundSentence")
         self.found.setWordWrap(True)
         self.card = _button("Connect to the &card", "connectCard")
         self.card.setEnabled(False)
@@ -171,9 +170,8 @@ class ConnectPage(QWidget):
             "On a hidden effect, without any rig: a session is simulated in seconds and opens in the Model "
             "lab. A session that you have opens with Ctrl+O, or drop it here."
         )
-        self.waiting = QLabel()
+        self.waiting = described(QLabel(), "waitsForRig")
         self.waiting.setTextFormat(Qt.TextFormat.PlainText)
-        self.waiting.setObjectName("waitsForRig")
         self.waiting.setWordWrap(True)
         self.waiting.hide()
 
@@ -383,6 +381,4 @@ def ask_to_run(parent: QWidget, file: OwnSource) -> bool:
 
 
 def _button(text: str, name: str) -> QPushButton:
-    button = QPushButton(text)
-    button.setObjectName(name)
-    return button
+    return described(QPushButton(text), name)

@@ -10,7 +10,6 @@ from PySide6.QtGui import QPainter, QPaintEvent, QResizeEvent
 from PySide6.QtWidgets import (
     QCheckBox,
     QGridLayout,
-    QHBoxLayout,
     QLabel,
     QSizePolicy,
     QToolButton,
@@ -20,7 +19,7 @@ from PySide6.QtWidgets import (
 from fingerlab.sessions.model import Array
 
 from ..widgets.fields import NumberField, form_menu
-from ..widgets.layout import FLUSH, hbox, vbox
+from ..widgets.layout import FLUSH, described, hbox, vbox
 from ..widgets.tables import heading, remark
 from ..widgets.theme import colours_of, large_font, line
 from .live_canvas import Canvas
@@ -173,8 +172,7 @@ class LivePane(QWidget):
         super().__init__(parent)
         self.spec = spec
         self.setObjectName(f"pane_{spec.key}")
-        self.canvas = Canvas(spec.title, spec.unit.symbol)
-        self.canvas.setAccessibleName(f"{spec.title} against time")
+        self.canvas = described(Canvas(spec.title, spec.unit.symbol), accessible=f"{spec.title} against time")
         self.canvas.notes = spec.key == "displacement"
         self.canvas.moved_by_hand.connect(self.moved_by_hand)
         self.canvas.cursor_moved.connect(self.cursor_moved)
@@ -184,8 +182,7 @@ class LivePane(QWidget):
         self._spared: list[QWidget] = []
         self._range = (-spec.least / 2, spec.least / 2)
         self.canvas.y_range = self._range
-        self.error = remark(wrap=False)
-        self.error.setObjectName(f"error_{spec.key}")
+        self.error = described(remark(wrap=False), f"error_{spec.key}")
         self._build()
 
     def _build(self) -> None:
@@ -201,8 +198,7 @@ class LivePane(QWidget):
         self.modelled: list[QWidget] = []
         for column, trace in drawn.items():
             if column not in spec.readings:
-                legend = QHBoxLayout()
-                legend.setSpacing(4)
+                legend = hbox(None, spacing=4)
                 legend.addWidget(swatch := Swatch(trace))
                 legend.addWidget(words := remark(QUANTITIES[column].title, wrap=False))
                 row.addLayout(legend)

@@ -39,7 +39,7 @@ from fingerlab.core.errors import Cancelled, UserError
 from ..app.bars import time_left
 from ..app.worker import Failed
 from ..widgets.fields import PROGRESS_STEPS
-from ..widgets.layout import hbox
+from ..widgets.layout import described, hbox
 from .bench_controller import NO_BENCH, BenchController
 
 
@@ -65,8 +65,7 @@ class DetailsDialog(QDialog):
         self.setWindowTitle("Session to record – FingerLab")
         self.resize(520, 320)
         self._details = details
-        self.folder = QLineEdit(str(details.folder))
-        self.folder.setObjectName("recordFolder")
+        self.folder = described(QLineEdit(str(details.folder)), "recordFolder")
         choose = QPushButton("Choose…")
         choose.clicked.connect(self._choose)
         across = hbox(None, (self.folder, 1), choose)

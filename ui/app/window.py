@@ -99,10 +99,8 @@ def show_keys(sheet: KeySheet, stop_key: str, parent: QWidget) -> QDialog:
 
 def show_log(lines: Sequence[str], parent: QWidget, logged: SignalInstance) -> QDialog:
     """What was said since the window opened, latest at the bottom; ``logged`` brings each new line."""
-    text = QPlainTextEdit("\n".join(lines))
+    text = described(QPlainTextEdit("\n".join(lines)), "log", accessible="Log")
     text.setPlaceholderText("Nothing has been said yet.")
-    text.setAccessibleName("Log")
-    text.setObjectName("log")
     text.setReadOnly(True)
     dialog = _show("Log", text, parent)
     logged.connect(text.appendPlainText)  # Qt forgets it with the dialog

@@ -14,7 +14,7 @@ from fingerlab.calibration.store import CalibrationRecord
 from fingerlab.core.text import ParameterEstimate, decimals_for, fixed, held_together, printed, r2_text
 
 from ..widgets.fields import ActionButton
-from ..widgets.layout import FLUSH, SideRoom, hbox
+from ..widgets.layout import FLUSH, SideRoom, described, hbox
 from ..widgets.tables import WholeLabel, heading, remark
 from .calibration_pictures import FitPlot, ResidualPlot
 
@@ -137,8 +137,7 @@ class ResultPage(QWidget):
 
     def __init__(self, decide: Callable[[bool, str], None], back: Callable[[], None]) -> None:
         super().__init__()
-        self.verdict = heading(large=True)
-        self.verdict.setObjectName("calibrationVerdict")
+        self.verdict = described(heading(large=True), "calibrationVerdict")
         self.verdict.setWordWrap(True)
         self.fit, self.residuals = FitPlot(), ResidualPlot()
         self.legend = remark()
@@ -148,13 +147,10 @@ class ResultPage(QWidget):
         self.numbers.setColumnStretch(1, 1)
         self._rows: list[tuple[QLabel, QLabel]] = []
         self.objections_title = heading("What speaks against it")
-        self.objections = WholeLabel()
-        self.objections.setObjectName("calibrationObjections")
+        self.objections = described(WholeLabel(), "calibrationObjections")
         self.notes = remark()
-        self.reason = QLineEdit()
-        self.reason.setObjectName("calibrationReason")
+        self.reason = described(QLineEdit(), "calibrationReason", accessible="Reason for accepting")
         self.reason.setPlaceholderText("Reason, if it is accepted all the same")
-        self.reason.setAccessibleName("Reason for accepting")
         self.accept = ActionButton(
             "&Accept",
             "acceptCalibration",
@@ -204,8 +200,7 @@ class ResultPage(QWidget):
         decision.addWidget(self.reason)
         for button in (self.accept, self.with_reason, self.reject, self.back):
             decision.addWidget(button)
-        panel = QWidget()
-        panel.setObjectName("acquirePanel")
+        panel = described(QWidget(), "acquirePanel")
         panel.setAttribute(Qt.WidgetAttribute.WA_StyledBackground)
         side = QVBoxLayout(panel)
         side.setContentsMargins(1, 0, 0, 0)  # beside the panel's edge

@@ -10,7 +10,6 @@ from PySide6.QtCore import QEvent, Qt, Signal
 from PySide6.QtWidgets import (
     QAbstractItemView,
     QGridLayout,
-    QHBoxLayout,
     QHeaderView,
     QLabel,
     QPushButton,
@@ -261,8 +260,7 @@ class FitResultView(QWidget):
 
     def _build(self) -> None:
         above = QWidget()
-        speeds = QHBoxLayout(above)
-        speeds.setContentsMargins(0, 0, 0, 0)
+        speeds = hbox(above, margins=FLUSH)
         for plot in self.speeds.values():
             speeds.addWidget(plot)
         middle = QWidget()
@@ -349,8 +347,7 @@ class FitResultView(QWidget):
 
 
 def _words() -> QLabel:
-    label = WholeLabel()
-    label.setFont(small_font())
+    label = described(WholeLabel(), font=small_font())
     label.setTextFormat(Qt.TextFormat.RichText)
     label.setMinimumWidth(10)
     return label

@@ -174,8 +174,7 @@ class LegendRow(QWidget):
         self.recorded = described(LegendKeys(FULL_RATE), "recordedKey", tip=FULL_RATE_HELP)
         self.recorded.hide()
         self._is_recorded = False
-        self.stretch = ElidedLabel()
-        self.stretch.setObjectName("stretchName")
+        self.stretch = described(ElidedLabel(), "stretchName")
         self.curves = LegendKeys(CURVES)
         self.values = described(ElidedLabel(), "valuesRead")
         self.values.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
@@ -263,9 +262,7 @@ class ComparisonBar(QWidget):
         self.runs.setMinimumContentsLength(4)
         self.runs.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
         self.runs.currentIndexChanged.connect(self._on_run)
-        self.error = QLabel()
-        self.error.setObjectName("equationError")
-        self.error.setToolTip(ERROR_HELP)
+        self.error = described(QLabel(), "equationError", tip=ERROR_HELP)
         bold = self.error.font()
         bold.setBold(True)
         self._letters = QFontMetrics(bold)
@@ -276,8 +273,7 @@ class ComparisonBar(QWidget):
 
     def _add_button(self, equation: str) -> None:
         text = equation_of(equation)
-        button = QPushButton(text.button)
-        button.setObjectName(f"equation_{equation}")
+        button = described(QPushButton(text.button), f"equation_{equation}")
         button.setCheckable(True)
         button.setToolTip(text.help)
         button.setAccessibleName(text.title)

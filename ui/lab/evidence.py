@@ -8,7 +8,7 @@ import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import QEvent, Qt
 from PySide6.QtGui import QPen
-from PySide6.QtWidgets import QHBoxLayout, QWidget
+from PySide6.QtWidgets import QWidget
 
 from fingerlab.core.text import ScreenUnit, estimate_text, printed, screen_unit
 from fingerlab.diagnosis.answer.error_parts import EQUATIONS, equation_of
@@ -17,7 +17,7 @@ from fingerlab.report.diagnosis_words import FAMILY_TITLES, in_sentence, listed,
 from fingerlab.report.parameter_words import parameter_titles
 from fingerlab.sessions.model import Array
 
-from ..widgets.layout import FLUSH, described, vbox
+from ..widgets.layout import FLUSH, described, hbox, vbox
 from ..widgets.plots import bottom_axis_height, colour_plot, label_left, prepare_plot, span_of
 from ..widgets.series import Series
 from ..widgets.tables import ElidedLabel, WholeLabel
@@ -203,8 +203,7 @@ class EvidencePanel(QWidget):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self.title = ElidedLabel()
-        self.title.setProperty("role", "heading")
+        self.title = described(ElidedLabel(), role="heading")
         font = self.title.font()
         font.setBold(True)
         self.title.setFont(font)
@@ -213,8 +212,7 @@ class EvidencePanel(QWidget):
         self.plot = FingerprintPlot()
         self.plot.setMinimumHeight(LEAST_PLOT)
         layout = vbox(self, self.title, self.explanation, margins=FLUSH, spacing=4)
-        keys = QHBoxLayout()
-        keys.setContentsMargins(72, 0, 0, 0)
+        keys = hbox(None, margins=(72, 0, 0, 0))
         self.keys = LegendKeys(FINGERPRINT, wraps=True)
         keys.addWidget(self.keys)
         layout.addLayout(keys)

@@ -53,8 +53,7 @@ class LabStartPage(QWidget):
         self.doing = described(remark(), "emptyDoing")
         self.doing.hide()
         self._recent_title = remark("Recent")
-        self._recent = QVBoxLayout()
-        self._recent.setSpacing(0)
+        self._recent = vbox(None, spacing=0)
         page = centred_column(self, WIDTH)
         page.addWidget(heading(PURPOSE, large=True))
         page.addWidget(WholeLabel(WHAT_FOR))
@@ -111,8 +110,7 @@ NEITHER = (
 
 
 def _card(title: str, words: str, *items: Item) -> QFrame:
-    card = QFrame()
-    card.setProperty("card", "true")
+    card = described(QFrame(), card="true")
     vbox(card, heading(title), described(WholeLabel(words), role="muted"), *items, Spacer(1), spacing=8)
     return card
 
@@ -132,8 +130,7 @@ class LabHeader(QWidget):
         self.reveal.setToolTip(
             "Say which effect was put into this practice session. Your guess is what you have added by then."
         )
-        self.report = QPushButton("Save report page…")
-        self.report.setObjectName("report")
+        self.report = described(QPushButton("Save report page…"), "report")
         self.open = QPushButton("Open…")
         self.open.setObjectName("open")
         self.open.setToolTip("Open a session file (Ctrl+O), or drop one here.")
@@ -243,8 +240,7 @@ class StepsColumn(QWidget):
         self.score.setAccessibleDescription("Shows the equations and runs that sum to the error.")
         self.score.clicked.connect(self.score_asked)
         for step, (title, help_text) in STEPS.items():
-            button = QPushButton(title)
-            button.setProperty("step", "true")
+            button = described(QPushButton(title), step="true")
             button.setCheckable(True)
             button.setFont(large_font())
             button.setToolTip(help_text)

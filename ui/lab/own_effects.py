@@ -67,14 +67,12 @@ class OwnEffects(QDialog):
         self.setWindowTitle("Own effects")
         self.setObjectName("ownEffects")
         self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
-        self.place = remark("")
-        self.place.setObjectName("ownFolder")
+        self.place = described(remark(""), "ownFolder")
         self.files = described(QListWidget(), "ownFiles", accessible="Files of own effects")
         self.files.setWordWrap(True)
         self.files.currentRowChanged.connect(lambda _row: self._refresh_buttons())
-        self.problem = QLabel()
+        self.problem = described(QLabel(), "ownProblem")
         self.problem.setTextFormat(Qt.TextFormat.PlainText)
-        self.problem.setObjectName("ownProblem")
         self.problem.setWordWrap(True)
         self._equation = self._found = ""
         self.new = self._button("&New…", "ownNew", self.write_new)
@@ -89,8 +87,7 @@ class OwnEffects(QDialog):
         self._show("")
 
     def _button(self, text: str, name: str, call: Callable[[], None]) -> QPushButton:
-        button = QPushButton(text)
-        button.setObjectName(name)
+        button = described(QPushButton(text), name)
         button.setAutoDefault(False)
         button.clicked.connect(lambda _checked=False: call())
         return button

@@ -31,7 +31,7 @@ from fingerlab.report.budget_words import (
 from fingerlab.report.diagnosis_words import PHASE_WORDS, in_sentence
 from fingerlab.sessions.model import Array
 
-from ..widgets.layout import FLUSH, hbox, vbox
+from ..widgets.layout import FLUSH, described, hbox, vbox
 from ..widgets.plots import QuietPlot, plain_curve, span_of
 from ..widgets.series import Series
 from ..widgets.tables import ElidedLabel, remark
@@ -266,8 +266,7 @@ class ProfilePanel(QWidget):
         self._profiles: dict[str, Profile] = {}
         self._equation = ""
         self._by_hand = ""
-        self.title = ElidedLabel()
-        self.title.setProperty("role", "heading")
+        self.title = described(ElidedLabel(), role="heading")
         font = self.title.font()
         font.setBold(True)
         self.title.setFont(font)
@@ -279,10 +278,8 @@ class ProfilePanel(QWidget):
         )
         label = QLabel("&Over")
         label.setBuddy(self.coordinate)
-        self.words = remark()
-        self.words.setObjectName("whereWords")
-        self.plot = ProfilePlot()
-        self.plot.setToolTip(WHERE_HELP)
+        self.words = described(remark(), "whereWords")
+        self.plot = described(ProfilePlot(), tip=WHERE_HELP)
         top = hbox(None, (self.title, 1), label, self.coordinate, spacing=8)
         self._comparison: Comparison | None = None
         self.shape = ResidualFigurePlot()

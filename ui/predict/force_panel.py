@@ -94,8 +94,7 @@ class PredictPanel(QWidget):
         self.list.setStyleSheet(
             "QListView::item:selected { background: palette(midlight); color: palette(text); }"
         )
-        self.remove = QPushButton("&Remove this file")
-        self.remove.setObjectName("removeModel")
+        self.remove = described(QPushButton("&Remove this file"), "removeModel")
         self.run = QComboBox()
         self.run.setObjectName("predictRun")
         self.run.setToolTip("Contact run that is shown (Alt+Up, Alt+Down for the next).")

@@ -61,8 +61,7 @@ class WantedPanel(QWidget):
         for label in (self.result, self.limits):
             label.setWordWrap(True)
             label.setSizePolicy(QSizePolicy.Policy.Preferred, QSizePolicy.Policy.Minimum)
-        self.save = QPushButton("&Save trajectory…")
-        self.save.setObjectName("saveTorque")
+        self.save = described(QPushButton("&Save trajectory…"), "saveTorque")
         self.hand = described(QPushButton("Hand &to Acquire"), "handTorque", primary="true")
         self._lay_out()
         self._connect()
@@ -132,8 +131,7 @@ class WantedPanel(QWidget):
 
 
 def _choice(name: str, accessible: str) -> QComboBox:
-    box = described(QComboBox(), name, accessible=accessible, tip=accessible)
-    return box
+    return described(QComboBox(), name, accessible=accessible, tip=accessible)
 
 
 NEAR_LIMIT = 0.7

@@ -56,8 +56,7 @@ class ReviewPage(QWidget):
         self.session: Session | None = None
         self.overlays = Overlays(self)
         self._strokes: dict[int, Cycles] = {}
-        self.plots = ReviewPlots()
-        self.plots.setToolTip("\n".join(one.help() for one in CHANNELS.values()))
+        self.plots = described(ReviewPlots(), tip="\n".join(one.help() for one in CHANNELS.values()))
         self.back = _button("reviewBack", "‹ &All sessions", "Back to the table (Alt+Left).")
         self.runs = _as_choice(
             QComboBox(), "reviewRun", "Run shown", "Run shown (Alt+Up, Alt+Down for the next)."
@@ -81,8 +80,7 @@ class ReviewPage(QWidget):
         self.arrange = PlotsButton(self.free)
         self.cut = _button("cut", "C&ut…", "What lies between the cursors as a session of its own.")
         self.values = described(ElidedLabel(), "reviewValues", accessible="At the cursors")
-        self.state = remark(wrap=False)
-        self.state.setObjectName("reviewState")
+        self.state = described(remark(wrap=False), "reviewState")
         self._timer = QTimer(self)
         self._timer.setSingleShot(True)
         self._timer.setInterval(CURSOR_MS)
@@ -348,8 +346,7 @@ def cursor_texts(
 
 
 def _button(name: str, text: str, help_text: str) -> QPushButton:
-    button = described(QPushButton(text), name, tip=help_text)
-    return button
+    return described(QPushButton(text), name, tip=help_text)
 
 
 def _switch(name: str, text: str, help_text: str) -> QPushButton:

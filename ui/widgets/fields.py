@@ -255,8 +255,7 @@ def number(
     name: str, value: float, low: float, high: float, decimals: int, step: float, help_text: str
 ) -> NumberField:
     """A number field; its unit stands in the label beside it."""
-    field = NumberField()
-    field.setObjectName(name)
+    field = described(NumberField(), name)
     field.setRange(low, high)
     field.setDecimals(decimals)
     field.setSingleStep(step)
@@ -323,10 +322,8 @@ def centred_column(page: QWidget, width: int) -> QVBoxLayout:
     """A column at most so wide in the middle of an otherwise empty page, a little above its centre."""
     column = QWidget()
     column.setMaximumWidth(width)
-    inner = QVBoxLayout(column)
-    inner.setSpacing(16)
-    across = QHBoxLayout()
-    across.addStretch(1)
+    inner = vbox(column, spacing=16)
+    across = hbox(None, Spacer(1))
     across.addWidget(column, 100)  # takes all up to its widest, so that its text gets the height it needs
     across.addStretch(1)
     vbox(page, Spacer(2), across, Spacer(3))
@@ -335,8 +332,7 @@ def centred_column(page: QWidget, width: int) -> QVBoxLayout:
 
 def across(*entries: QWidget) -> QHBoxLayout:
     """Side by side with the first as wide as its words; numbers keep their width, the rest fills the line."""
-    layout = QHBoxLayout()
-    layout.setSpacing(8)
+    layout = hbox(None, spacing=8)
     for number_, entry in enumerate(entries):
         fixed = number_ == 0 or isinstance(entry, (QAbstractSpinBox, QPushButton))
         layout.addWidget(entry, 0 if fixed else 1)
