@@ -156,7 +156,7 @@ def courses(rows: Sequence[Row], units: Mapping[str, str]) -> list[NumberCourse]
         if one is not None:
             names, when = (tuple(str(usable[i][key]) for i in known) for key in ("session", "created"))
             from_nothing = prior.absent or is_loss(column.removeprefix("param."))
-            unit = units.get(column) or units.get(_alone(column), "1")
+            unit = units.get(column) or units.get(f"alone.{column.partition('.')[2]}", "1")
             leans_on = tuple(_leans_on(column, [usable[i] for i in known]))
             result.append(
                 NumberCourse(column, unit, effect_of(column), names, when, from_nothing, one, leans_on)
@@ -169,10 +169,6 @@ def _leans_on(column: str, rows: Sequence[Row]) -> list[str]:
     if not column.startswith("alone."):
         return []
     return [effect for effect in found_effects(rows) if effect != effect_of(column)]
-
-
-def _alone(column: str) -> str:
-    return f"alone.{column.partition('.')[2]}"
 
 
 def one_of_many(count: int) -> float:

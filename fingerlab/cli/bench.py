@@ -74,18 +74,14 @@ def devices(rig_file: Path | None, untrust: Path | None, forget: bool, json_targ
         return
     found, known = detect(rig), choosing.remembered_files()
     if json_target != "-" and listed:
-        _print_devices(found, known)
+        for one in found:
+            click.echo(f"{one.name}  {'can be used' if one.available else 'cannot be used'}: {one.sentence}")
+        for path, state in known:
+            click.echo(f"own:{path}  {STATES[state]}")
+        if not known:
+            click.echo("No device of your own was confirmed.")
     if json_target is not None:
         write_json(_to_json(found, known), json_target)
-
-
-def _print_devices(found: tuple[FoundDevice, ...], known: tuple[tuple[Path, str], ...]) -> None:
-    for one in found:
-        click.echo(f"{one.name}  {'can be used' if one.available else 'cannot be used'}: {one.sentence}")
-    for path, state in known:
-        click.echo(f"own:{path}  {STATES[state]}")
-    if not known:
-        click.echo("No device of your own was confirmed.")
 
 
 def _to_json(found: tuple[FoundDevice, ...], known: tuple[tuple[Path, str], ...]) -> dict[str, Any]:

@@ -21,6 +21,7 @@ import click
 from fingerlab.cli.common import Interrupts
 from fingerlab.core.errors import Cancelled, UserError
 from fingerlab.core.files import refuse_taken
+from fingerlab.core.plain_data import json_ready
 
 if TYPE_CHECKING:
     from fingerlab.acquisition.bench.bench import Bench, Status
@@ -74,7 +75,7 @@ class Events:
         """Write one event. A listener who has gone, or a disk that is full, does not end the recording."""
         if self._file is None:
             return
-        known = {name: _plain(value) for name, value in (what or {}).items()}
+        known = json_ready(what or {})
         with suppress(OSError):
             self._file.write(json.dumps({"event": event, **known}, ensure_ascii=False) + "\n")
             self._file.flush()
@@ -254,11 +255,6 @@ def _text(line: bytes) -> str:
         return line.decode("utf-8")
     except UnicodeDecodeError:
         return line.decode(locale.getencoding(), errors="replace")
-
-
-def _plain(value: Any) -> Any:
-    """For JSON: what is no number is null."""
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 Report = Callable[[float, str], None]

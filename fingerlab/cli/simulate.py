@@ -297,14 +297,10 @@ def replicate(preset: str, seed: int, benches: int, json_target: str | None) -> 
     if json_target is not None:
         write_json({"preset": preset, "seeds": seeds, **lines_json(lines)}, json_target)
     if json_target != "-":
-        _print(lines)
-
-
-def _print(lines: Sequence[ComparedQuantity]) -> None:
-    console = table_console()
-    console.print(_table(lines))
-    for sentence in outcome_sentences(lines):
-        console.print(sentence, soft_wrap=True)
+        console = table_console()
+        console.print(_table(lines))
+        for sentence in outcome_sentences(lines):
+            console.print(sentence, soft_wrap=True)
 
 
 def _table(lines: Sequence[ComparedQuantity]) -> Table:

@@ -345,7 +345,11 @@ class SimulatedRig:
         self._output = low if command_volts < low else high if command_volts > high else command_volts
         self._index += cycles
         if self._steps_clock and self._index in self._faults.clock_steps:
-            self._set_clock(self._faults.clock_steps[self._index])
+            seconds = self._faults.clock_steps[self._index]
+            if isinstance(self._clock, VirtualClock):
+                self._clock.step(seconds)
+            else:
+                self._skew += seconds
         force, mcp, pip, current, counts = self.bench.raw()
         raw: tuple[float, ...] = (force, mcp, pip, current, counts - self._zero)
         if self._spoils:
@@ -432,12 +436,6 @@ class SimulatedRig:
 
     def _now(self) -> float:
         return self._clock.now() + self._skew
-
-    def _set_clock(self, seconds: float) -> None:
-        if isinstance(self._clock, VirtualClock):
-            self._clock.step(seconds)
-        else:
-            self._skew += seconds
 
 
 def _volts(quantity: float, sign: float, gain: float, offset: float, low: float, high: float) -> float:

@@ -257,7 +257,12 @@ def merge_sessions(
     """
     if len(sessions) < 2:
         raise UserError("One session cannot be merged; choose two or more.")
-    _check_same_rig(sessions)
+    differing = rig_differences(sessions)
+    if differing:
+        raise UserError(
+            f"These sessions are of different benches ({', '.join(differing[:4])}); one session is all runs "
+            "taken on one bench set-up."
+        )
     ordered = sorted(sessions, key=_began)
     common, own = _shared_attributes(ordered)
     tags = dict.fromkeys(tag for session in ordered for tag in text_list(session.attributes.get("tags")))
@@ -282,15 +287,6 @@ def rig_differences(sessions: Sequence[Session]) -> tuple[str, ...]:
     rigs = [_flat(json.loads(str(session.attributes["rig"]))) for session in sessions]
     names = sorted({name for rig in rigs for name in rig})
     return tuple(name for name in names if any(rig.get(name) != rigs[0].get(name) for rig in rigs))
-
-
-def _check_same_rig(sessions: Sequence[Session]) -> None:
-    differing = rig_differences(sessions)
-    if differing:
-        raise UserError(
-            f"These sessions are of different benches ({', '.join(differing[:4])}); one session is all runs "
-            "taken on one bench set-up."
-        )
 
 
 def _flat(value: Any, name: str = "") -> dict[str, Any]:

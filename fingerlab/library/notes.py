@@ -111,7 +111,8 @@ class Notebook:
                 "notes": note.notes,
             }
         self._data = self._data | {"format": FORMAT, "version": VERSION, "sessions": sessions}
-        self._save()
+        with whole_file(self.path, "notes need write access to the folder.") as part:
+            part.write_text(json.dumps(self._data, ensure_ascii=False, indent=1), encoding="utf-8")
 
     def _sessions(self) -> Mapping[str, Any]:
         found: Mapping[str, Any] = self._data.get("sessions", {})
@@ -132,10 +133,6 @@ class Notebook:
             and (entry.get("created"), entry.get("seconds")) == wanted
         ]
         return orphans[0] if len(orphans) == 1 else None
-
-    def _save(self) -> None:
-        with whole_file(self.path, "notes need write access to the folder.") as part:
-            part.write_text(json.dumps(self._data, ensure_ascii=False, indent=1), encoding="utf-8")
 
 
 @dataclass(frozen=True)

@@ -80,7 +80,9 @@ class Pyramid:
             for k, level in enumerate(self._levels[name]):
                 place = start // (BASE * FACTOR**k)
                 level[place : place + len(pairs)] = pairs
-                pairs = _coarser(pairs)
+                starts = np.arange(0, len(pairs), FACTOR)
+                low, high = np.fmin.reduceat(pairs[:, 0], starts), np.fmax.reduceat(pairs[:, 1], starts)
+                pairs = np.column_stack((low, high))
         self.filled = start + count
 
     def samples_between(self, left: float, right: float) -> tuple[int, int]:
@@ -145,12 +147,6 @@ def _pairs(values: Array) -> Array:
     starts = np.arange(0, len(values), BASE)
     pairs = np.column_stack((np.fmin.reduceat(values, starts), np.fmax.reduceat(values, starts)))
     return pairs.astype(np.float32)
-
-
-def _coarser(pairs: Array) -> Array:
-    starts = np.arange(0, len(pairs), FACTOR)
-    low, high = np.fmin.reduceat(pairs[:, 0], starts), np.fmax.reduceat(pairs[:, 1], starts)
-    return np.column_stack((low, high))
 
 
 COLUMNS = 96

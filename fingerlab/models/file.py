@@ -133,7 +133,8 @@ def load_model(path: str | Path) -> SavedModel:
         UserError: the file is missing, not a model file, of a newer version, or lacks something.
     """
     path = Path(path)
-    data = _read_object(path)
+    text = read_text(path, "a model file, as 'fingerlab fit' writes it")
+    data = read_object(text, f"{path} is not a model file: it", "'fingerlab fit' writes one")
     if data.get("format") != FORMAT:
         raise UserError(
             f"{path} is not a FingerLab model file ('format' is {data.get('format')!r} and should be "
@@ -179,11 +180,6 @@ _HELD = {
     "sessions": "a list",
     "effects": "a list",
 } | dict.fromkeys(("method", "created", "software"), "text")
-
-
-def _read_object(path: Path) -> dict[str, Any]:
-    text = read_text(path, "a model file, as 'fingerlab fit' writes it")
-    return read_object(text, f"{path} is not a model file: it", "'fingerlab fit' writes one")
 
 
 def _check_version(path: Path, version: Any) -> None:

@@ -90,34 +90,6 @@ USUAL = ("motor_torque", "mcp_angle", "pip_angle", "endpoint_force")
 WIDTH_INCHES, ROW_INCHES, MARGIN_INCHES = 7.2, 1.3, 0.5
 
 
-def channel_figure(run: Run, channels: Sequence[str] = ()) -> Figure:
-    """The channels over time, one above the other, in the units of the screen (degrees, newtons).
-
-    Args:
-        channels: names as in ``run.units``; for none, those of ``USUAL`` that were read.
-
-    Raises:
-        UserError: the run has no such channel.
-    """
-    from fingerlab.report.figure_style import MEASURED, label, new_figure  # matplotlib takes a while to load
-
-    names = list(channels) or [name for name in USUAL if run.has(name)] or list(run.units)
-    values = run.load(dict.fromkeys(("time", *names)))
-    if not channels:  # a load cell that was not read holds NaN throughout
-        names = [name for name in names if np.isfinite(values[name]).any()] or names
-    size = (WIDTH_INCHES, MARGIN_INCHES + ROW_INCHES * len(names))
-    figure, rows = new_figure(len(names), 1, size, sharex=True)
-    for axes, name in zip(rows, names, strict=True):
-        finite = np.abs(values[name][np.isfinite(values[name])])
-        unit = screen_unit(run.units[name], float(finite.max()) if len(finite) else 0.0)
-        axes.plot(values["time"], unit.factor * values[name], color=MEASURED, lw=1.0)
-        axes.margins(x=0.0)
-        label(axes, "", unit.label(name.replace("_", " ")))
-    label(rows[-1], "time in the run (s)", rows[-1].get_ylabel())
-    figure.align_ylabels()
-    return figure
-
-
 class RunView(Displayed):
     """One run. ``run`` is the object behind it (``fingerlab.sessions.Run``)."""
 
@@ -144,7 +116,24 @@ class RunView(Displayed):
         Raises:
             UserError: the run has no such channel.
         """
-        return channel_figure(self.run, channels)
+        # matplotlib takes a while to load
+        from fingerlab.report.figure_style import MEASURED, label, new_figure
+
+        names = list(channels) or [name for name in USUAL if self.run.has(name)] or list(self.run.units)
+        values = self.run.load(dict.fromkeys(("time", *names)))
+        if not channels:  # a load cell that was not read holds NaN throughout
+            names = [name for name in names if np.isfinite(values[name]).any()] or names
+        size = (WIDTH_INCHES, MARGIN_INCHES + ROW_INCHES * len(names))
+        figure, rows = new_figure(len(names), 1, size, sharex=True)
+        for axes, name in zip(rows, names, strict=True):
+            finite = np.abs(values[name][np.isfinite(values[name])])
+            unit = screen_unit(self.run.units[name], float(finite.max()) if len(finite) else 0.0)
+            axes.plot(values["time"], unit.factor * values[name], color=MEASURED, lw=1.0)
+            axes.margins(x=0.0)
+            label(axes, "", unit.label(name.replace("_", " ")))
+        label(rows[-1], "time in the run (s)", rows[-1].get_ylabel())
+        figure.align_ylabels()
+        return figure
 
     def _parts(self) -> Sequence[Displayable]:
         from fingerlab.report.diagnosis_words import PHASE_WORDS

@@ -228,18 +228,14 @@ def mending_sentence(diagnosis: Diagnosis) -> str:
     first = found[0]
     share = f"{in_sentence(first.title)}, {_share(first)} of the squared error of the {title} on "
     without = f"Without it the error would be {first.after}"
-    if not _for_nothing(diagnosis, first):
+    # What the verdict takes for too small to be told is not called worth mending.
+    if not (diagnosis.verdict == Verdict.NOTHING_MISSING and first.kind == "unknown"):
         whole = _error(budget, sqrt(budget.mean_square))
         return (
             f"Worth mending first: {share}{judged_on(diagnosis)}. {without} instead of {whole}. "
             f"{first.how}".rstrip()
         )
     return f"{_held_for_nothing(budget, title)} Largest part: {share}{judged_on(diagnosis)}. {without}."
-
-
-def _for_nothing(diagnosis: Diagnosis, part: BudgetLine) -> bool:
-    """Whether the verdict takes a part for too small to be told: then it is not called worth mending."""
-    return diagnosis.verdict == Verdict.NOTHING_MISSING and part.kind == "unknown"
 
 
 def _held_for_nothing(budget: Budget, title: str) -> str:

@@ -8,7 +8,7 @@ each says where it comes from.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +18,7 @@ from fingerlab.core.text import ScreenUnit, decimals_for, fixed, largest_of, scr
 from fingerlab.report.score_words import PHASE_WORDS
 from fingerlab.sessions.model import CHANNEL_UNITS
 from fingerlab.sessions.trajectory import trajectory_words
-from fingerlab.signals.run_pairs import COMPARED, ChannelPair, RunPair, SessionPair
+from fingerlab.signals.run_pairs import COMPARED, RunPair, SessionPair
 from fingerlab.thesis.analysis import PUBLISHED, Published, PublishedQuantity, thesis_analysis
 from fingerlab.thesis.onair import Spread
 
@@ -49,15 +49,13 @@ def channels_of(found: SessionPair) -> dict[str, ScreenUnit]:
     units = {}
     for name in COMPARED:
         largest = largest_of(
-            math.hypot(one.offset, one.rms) for pair in found.pairs for one in _of(pair.channels, name)
+            math.hypot(one.offset, one.rms)
+            for pair in found.pairs
+            for one in ([pair.channels[name]] if name in pair.channels else [])
         )
         if any(name in pair.channels for pair in found.pairs):
             units[name] = screen_unit(CHANNEL_UNITS[name], largest)
     return units
-
-
-def _of(channels: Mapping[str, ChannelPair], name: str) -> list[ChannelPair]:
-    return [channels[name]] if name in channels else []
 
 
 def pair_title(pair: RunPair) -> tuple[str, str]:

@@ -122,15 +122,10 @@ def left_open(diagnosis: Diagnosis) -> tuple[tuple[str, ...], tuple[str, ...]]:
     return tuple(e for e in unseen if e not in visible), tuple(e for e in unseen if e in visible)
 
 
-def hidden_besides(diagnosis: Diagnosis) -> tuple[str, ...]:
-    """Ids of the effects that these data could not show, and that no other sentence names."""
-    named = {*not_shown(diagnosis), *suspects(diagnosis), *worth_adding(diagnosis)}
-    return tuple(c.effect for c in diagnosis.candidates if not c.detectable and c.effect not in named)
-
-
 def hidden_sentence(diagnosis: Diagnosis) -> str:
     """What these data could not show besides what the other sentences name; empty where there is nothing."""
-    hidden = hidden_besides(diagnosis)
+    named = {*not_shown(diagnosis), *suspects(diagnosis), *worth_adding(diagnosis)}
+    hidden = tuple(c.effect for c in diagnosis.candidates if not c.detectable and c.effect not in named)
     if not hidden:
         return ""
     names = called_in_sentence(diagnosis, hidden)

@@ -13,7 +13,6 @@ from collections.abc import Iterator
 from functools import lru_cache
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
-from typing import Any
 
 import fingerlab
 from fingerlab.core.errors import UserError
@@ -60,21 +59,17 @@ def pages() -> dict[str, str]:
         raise UserError(f"There are no documents in {place}; install FingerLab again to have them.")
     texts = {name: path.read_text(encoding="utf-8") for name, path in found.items()}
     if "commands.md" not in texts:
-        maker = _maker(place)
+        spec = spec_from_file_location("fingerlab_generated_pages", place / "generate.py")
+        if spec is None or spec.loader is None:
+            raise UserError(
+                f"There is no generate.py in {place}; install FingerLab again to have all documents."
+            )
+        maker = module_from_spec(spec)  # makes the pages that a checkout does not hold
+        sys.modules[spec.name] = maker
+        spec.loader.exec_module(maker)
         texts = {name: maker.on_page_markdown(text) for name, text in texts.items()} | maker.pages()
     order = dict.fromkeys([*_linked(texts, FIRST), *texts])
     return {name: _as_read(texts[name], place) for name in order}
-
-
-def _maker(place: Path) -> Any:
-    """What makes the pages that a checkout does not hold."""
-    spec = spec_from_file_location("fingerlab_generated_pages", place / "generate.py")
-    if spec is None or spec.loader is None:
-        raise UserError(f"There is no generate.py in {place}; install FingerLab again to have all documents.")
-    module = module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
 
 
 def _linked(texts: dict[str, str], first: str) -> Iterator[str]:

@@ -111,7 +111,7 @@ def equation_figure(part: EquationPart) -> Figure | None:
         figure.text(
             0.0,
             middle,
-            _drawable(line),
+            f"${line}$".replace(r"\frac", r"\dfrac"),
             fontsize=FONT_SIZE,
             color=MEASURED,
             va="center",
@@ -119,10 +119,6 @@ def equation_figure(part: EquationPart) -> Figure | None:
         )
         down += tall * LINE_INCHES
     return figure
-
-
-def _drawable(line: str) -> str:
-    return f"${line}$".replace(r"\frac", r"\dfrac")
 
 
 def equation_figures(equation: FinalEquation) -> Mapping[str, Figure]:

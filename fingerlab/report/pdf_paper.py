@@ -277,7 +277,21 @@ def set_table(paper: PdfPaper, table: PaperTable) -> None:
     for rows in _pages(paper, table):
         if rows[0] is not table.rows[0]:
             paper.add_page()
-        _set_rows(paper, table, rows)
+        paper.set_font("text", "", SIZES["small"])
+        paper.set_text_color(*TEXT)
+        paper.set_draw_color(*LINES)
+        paper.set_fill_color(255, 255, 255)
+        widths = _widths(paper, table)
+        head = FontFace(family="text", emphasis="BOLD", color=MUTED)
+        with paper.table(
+            width=min(sum(widths), paper.epw), col_widths=tuple(widths), align="LEFT", headings_style=head,
+            first_row_as_headings=bool(table.head), borders_layout=TableBordersLayout.HORIZONTAL_LINES,
+            text_align=tuple("RIGHT" if right else "LEFT" for right in table.right),
+            v_align=VAlign.T, line_height=SIZES["small"] * MM_PER_POINT * LINE,
+            padding=(ABOVE, PADDING, ABOVE, 0.0),
+        ) as grid:  # fmt: skip
+            for row in ([table.head] if table.head else []) + rows:
+                grid.row(row)
     paper.ln(2.5)
 
 
@@ -293,24 +307,6 @@ def _pages(paper: PdfPaper, table: PaperTable) -> list[list[list[str]]]:
     if not 0 < count - here < FEWEST_ROWS or count < 2 * FEWEST_ROWS:
         return [table.rows]
     return [table.rows[:-FEWEST_ROWS], table.rows[-FEWEST_ROWS:]]
-
-
-def _set_rows(paper: PdfPaper, table: PaperTable, rows: list[list[str]]) -> None:
-    paper.set_font("text", "", SIZES["small"])
-    paper.set_text_color(*TEXT)
-    paper.set_draw_color(*LINES)
-    paper.set_fill_color(255, 255, 255)
-    widths = _widths(paper, table)
-    head = FontFace(family="text", emphasis="BOLD", color=MUTED)
-    with paper.table(
-        width=min(sum(widths), paper.epw), col_widths=tuple(widths), align="LEFT", headings_style=head,
-        first_row_as_headings=bool(table.head), borders_layout=TableBordersLayout.HORIZONTAL_LINES,
-        text_align=tuple("RIGHT" if right else "LEFT" for right in table.right),
-        v_align=VAlign.T, line_height=SIZES["small"] * MM_PER_POINT * LINE,
-        padding=(ABOVE, PADDING, ABOVE, 0.0),
-    ) as grid:  # fmt: skip
-        for row in ([table.head] if table.head else []) + rows:
-            grid.row(row)
 
 
 def _widths(paper: PdfPaper, table: PaperTable) -> list[float]:

@@ -80,7 +80,7 @@ def course_sentence(one: NumberCourse) -> str:
         sure = f"{sure} Fitted alone, it takes up what is of {others}."
     if one.course.moment:
         return f"{_moment(one)} {in_sentence(title)} {_step(one, verdict)} {sure}"
-    size, ends = _size(one), _ends(one)
+    size, ends = estimate_text(one.estimate(one.course.size)), _ends(one)
     if verdict == "odd":
         place = int(np.argmax(one.course.odd))
         name, chance = one.names[place], float(one.course.odd[place])
@@ -146,10 +146,6 @@ def _step(one: NumberCourse, verdict: str) -> str:
 def _ends(one: NumberCourse) -> str:
     first, last = one.estimate(one.course.first), one.estimate(one.course.last)
     return f"from {estimate_text(first)} to {estimate_text(last)}"
-
-
-def _size(one: NumberCourse) -> str:
-    return estimate_text(one.estimate(one.course.size))
 
 
 def course_json(one: NumberCourse) -> dict[str, Any]:

@@ -214,7 +214,16 @@ def _write_mat(session: Session, part: Path, progress: Progress | None) -> None:
     for number, run in enumerate(session.runs):
         if progress:
             progress(number / len(session.runs), f"run {run.name}")
-        runs[f"run_{_matlab_name(run.name)}"] = _matlab_run(run)
+        struct: dict[str, Any] = {
+            "phase": run.phase,
+            "cable": run.cable,
+            "sample_rate_hz": run.sample_rate_hz,
+            "trajectory": json.dumps(dict(run.trajectory)),
+            "units": {_matlab_name(name): unit for name, unit in run.units.items()},
+        }
+        for name, values in run.load().items():
+            struct[_matlab_name(name)] = values
+        runs[f"run_{_matlab_name(run.name)}"] = struct
     session_struct = {
         "title": session.title,
         "created": session.created,
@@ -234,19 +243,6 @@ def _write_mat(session: Session, part: Path, progress: Progress | None) -> None:
         raise UserError(
             f"{session.path} does not fit a .mat file ({error}); MATLAB reads the session itself with h5read."
         ) from None
-
-
-def _matlab_run(run: Run) -> dict[str, Any]:
-    struct: dict[str, Any] = {
-        "phase": run.phase,
-        "cable": run.cable,
-        "sample_rate_hz": run.sample_rate_hz,
-        "trajectory": json.dumps(dict(run.trajectory)),
-        "units": {_matlab_name(name): unit for name, unit in run.units.items()},
-    }
-    for name, values in run.load().items():
-        struct[_matlab_name(name)] = values
-    return struct
 
 
 def _matlab_name(name: str) -> str:

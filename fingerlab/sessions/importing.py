@@ -170,7 +170,14 @@ def import_files(
         UserError: a row does not fit, the samples break the format, or the target exists or is full;
             nothing is left behind.
     """
-    rig = _with_lever(rig, plans)
+    # A linear axis is told as an arc about this lever.
+    levers = [
+        plan.source.axis.radius
+        for plan in plans
+        for column in plan.columns
+        if plan.source.axis and column.target_unit == "rad" and factor(column.unit, "m") is not None
+    ]
+    rig = replace(rig, extra={**rig.extra, "axis": {"radius_m": levers[0]}}) if levers else rig
     with SessionWriter(target, rig, title, attributes=attributes) as writer:
         for number, plan in enumerate(plans):
             if progress:
@@ -186,17 +193,6 @@ def left_out_words(path: Path) -> list[str]:
         for run in open_session(path).runs
         if LEFT_OUT in run.attributes
     ]
-
-
-def _with_lever(rig: Rig, plans: Sequence[ImportPlan]) -> Rig:
-    """The rig with the radius of the arc as which a linear axis is told."""
-    levers = [
-        plan.source.axis.radius
-        for plan in plans
-        for column in plan.columns
-        if plan.source.axis and column.target_unit == "rad" and factor(column.unit, "m") is not None
-    ]
-    return replace(rig, extra={**rig.extra, "axis": {"radius_m": levers[0]}}) if levers else rig
 
 
 def describe_all(plans: Sequence[ImportPlan]) -> list[str]:

@@ -158,7 +158,10 @@ class Run:
         """
         names = list(self.units if channels is None else channels)
         for name in names:
-            self._require(name)
+            if name not in self.units:
+                raise UserError(
+                    f"Run {self.name} has no channel '{name}'; it holds {', '.join(self.units) or 'none'}."
+                )
         return self.reader.load(names, start, self.length if stop is None else min(stop, self.length))
 
     @property
@@ -229,12 +232,6 @@ class Run:
             ArrayReader(arrays),
             dict(attributes or {}),
         )
-
-    def _require(self, name: str) -> None:
-        if name not in self.units:
-            raise UserError(
-                f"Run {self.name} has no channel '{name}'; it holds {', '.join(self.units) or 'none'}."
-            )
 
 
 @dataclass(frozen=True)

@@ -314,7 +314,9 @@ def _read_run(group: h5py.Group, name: str, path: Path) -> Run:
     phase = _one_of(attributes.pop("phase"), PHASES, f"{where} has the phase")
     cable = _one_of(attributes.pop("cable"), CABLES, f"{where} has the cable")
     rate = _rate(attributes.pop("sample_rate_hz"), where)
-    trajectory = _trajectory(attributes.pop("trajectory"), where)
+    text = attributes.pop("trajectory")
+    advice = 'it should read like {"kind": "sine", "amplitude_deg": 15, "frequency_hz": 1}'
+    trajectory = read_object(text, f"{where} has a trajectory that", advice)
     units, length = _channels(group, phase, where)
     return Run(name, phase, cable, rate, trajectory, length, units, FileReader(path, name), attributes)
 
@@ -334,11 +336,6 @@ def _rate(value: Any, where: str) -> float:
         said = "a positive number" if not rate > 0 else f"{LEAST_RATE:g} to {MOST_RATE:g}"
         raise UserError(f"{where} has sample_rate_hz {value!r}; it should be {said}.")
     return rate
-
-
-def _trajectory(text: Any, where: str) -> dict[str, Any]:
-    advice = 'it should read like {"kind": "sine", "amplitude_deg": 15, "frequency_hz": 1}'
-    return read_object(text, f"{where} has a trajectory that", advice)
 
 
 def _channels(group: h5py.Group, phase: str, where: str) -> tuple[dict[str, str], int]:
@@ -361,7 +358,13 @@ def _channels(group: h5py.Group, phase: str, where: str) -> tuple[dict[str, str]
                 f"{where} has {samples} samples of '{name}' but {length} of time; "
                 "all channels of a run should be of one length."
             )
-        _check_unit(datasets[name].unit, name, unit, where)
+        found = datasets[name].unit
+        if found is None:
+            raise UserError(f"{where}, channel '{name}' has no attribute 'units'; it should be '{unit}'.")
+        if not same_unit(found, unit):
+            raise UserError(
+                f"{where}, channel '{name}' is in '{found}'; it should be in '{unit}' (convert it before)."
+            )
         units[name] = unit
     if length == 0:
         raise UserError(f"{where} is empty (no samples); remove it or record it again.")
@@ -376,15 +379,6 @@ def _samples(dataset: DatasetFacts, name: str, where: str) -> int:
             "a channel should be one-dimensional and of numbers."
         )
     return dataset.shape[0]
-
-
-def _check_unit(found: str | None, name: str, unit: str, where: str) -> None:
-    if found is None:
-        raise UserError(f"{where}, channel '{name}' has no attribute 'units'; it should be '{unit}'.")
-    if not same_unit(found, unit):
-        raise UserError(
-            f"{where}, channel '{name}' is in '{found}'; it should be in '{unit}' (convert it before)."
-        )
 
 
 def _extra_channels(group: h5py.Group, datasets: Mapping[str, DatasetFacts], length: int) -> dict[str, str]:

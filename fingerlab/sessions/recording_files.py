@@ -269,7 +269,15 @@ class PartWriter:
     def append(self, channels: Mapping[str, Any]) -> None:
         """The next samples of every channel, arrays of one length."""
         try:
-            self._append(channels)
+            # HDF5's own calls: h5py's indexing costs ten times as much, and this is done ten times a second.
+            count = len(channels["time"])
+            memory = h5s.create_simple((count,))
+            for name, dataset in self._datasets.items():
+                dataset.id.set_extent((self.length + count,))
+                place = dataset.id.get_space()
+                place.select_hyperslab((self.length,), (count,))
+                dataset.id.write(memory, place, np.ascontiguousarray(channels[name], dtype=self._kinds[name]))
+            self.length += count
         except (OSError, RuntimeError):
             self._spend_reserve()
             raise
@@ -278,30 +286,16 @@ class PartWriter:
         """Give HDF5 the room to write what it still holds: it crashes where it cannot."""
         self._reserve.unlink(missing_ok=True)
 
-    def _append(self, channels: Mapping[str, Any]) -> None:
-        # HDF5's own calls: h5py's indexing costs ten times as much, and this is done ten times a second.
-        count = len(channels["time"])
-        memory = h5s.create_simple((count,))
-        for name, dataset in self._datasets.items():
-            dataset.id.set_extent((self.length + count,))
-            place = dataset.id.get_space()
-            place.select_hyperslab((self.length,), (count,))
-            dataset.id.write(memory, place, np.ascontiguousarray(channels[name], dtype=self._kinds[name]))
-        self.length += count
-
     def flush(self) -> None:
         """Hand everything to the system; from here on it survives the death of this process."""
         try:
-            self._flush()
+            for name, dataset in self._datasets.items():
+                if name != "time":
+                    dataset.flush()
+            self._datasets["time"].flush()
         except (OSError, RuntimeError):
             self._spend_reserve()
             raise
-
-    def _flush(self) -> None:
-        for name, dataset in self._datasets.items():
-            if name != "time":
-                dataset.flush()
-        self._datasets["time"].flush()
 
     def set_counts(self, dropped: int, late: int) -> None:
         """Samples lost and cycles late so far."""

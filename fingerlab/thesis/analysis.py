@@ -119,7 +119,12 @@ def published_numbers(
         )
     numbers |= _forces(contact)
     for joint in JOINTS:
-        numbers[f"speed_change_{joint}"] = _speed_change(on_air, contact, joint)
+        # Range of the average period's speed of each contact run against the mean on air, per cent.
+        free = [float(np.ptp(run.curves.speed[joint])) for run in on_air if run.curves is not None]
+        held = [float(np.ptp(run.curves.speed[joint])) for run in contact if run.curves is not None]
+        numbers[f"speed_change_{joint}"] = Spread(
+            tuple(100.0 * (value / float(np.mean(free)) - 1.0) for value in held) if free else ()
+        )
     numbers["r2_angle_60"] = Spread(tuple(step.r2 for step in sweep if step.angle_deg == 60.0))
     return numbers
 
@@ -158,15 +163,6 @@ def _forces(contact: Sequence[ContactRun[PredictionSpec]]) -> dict[str, Spread]:
         "peak_share": over(FINAL, "share", 100.0),
         "r2_normalised": over(FINAL, "normalised_r2"),
     }
-
-
-def _speed_change(
-    on_air: Sequence[OnAirRun], contact: Sequence[ContactRun[PredictionSpec]], joint: Joint
-) -> Spread:
-    """Range of the average period's speed of each contact run against the mean on air, per cent."""
-    free = [float(np.ptp(run.curves.speed[joint])) for run in on_air if run.curves is not None]
-    held = [float(np.ptp(run.curves.speed[joint])) for run in contact if run.curves is not None]
-    return Spread(tuple(100.0 * (value / float(np.mean(free)) - 1.0) for value in held) if free else ())
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,6 @@ import numpy as np
 from fingerlab.core.text import ParameterEstimate
 from fingerlab.sessions.model import Array
 from fingerlab.signals.periods import (
-    Mask,
     PeriodGrid,
     consecutive_mask,
     cross_correlation_delay,
@@ -150,9 +149,6 @@ class _FoldedJoint:
             lag = findsignal_delay(self.mean_lhs, self.signed_tension, mask)
         else:
             lag = self.whole_delay(spec.delay)
-        return self.fit_mask(mask, lag)
-
-    def fit_mask(self, mask: Mask, lag: int) -> RegionFit:
         x, y = self.shifted_tension(lag)[:, mask], self.lhs[:, mask]
         sums = RegressionSums.of_rows(x, y)
         line = fit_line(sums)

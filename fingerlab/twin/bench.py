@@ -93,25 +93,18 @@ def learned(path: str | Path, preset: Preset, seed: int, best: bool = False) -> 
             f"{path} is a model of the method '{model.method}', which tells too little for a bench; give one "
             "from 'fingerlab diagnose SESSION --save M.json'."
         )
-    values = _drawn(model, seed, best)
-    rig = _rig(model, preset, str(path))
-    found = _preset(replace(preset, name=path.name, title=f"twin of {path.name}", rig=rig), model, values)
-    effects, known = _effects(model, values, found, str(path))
-    return Learned(replace(found, known={**found.known, **known}), effects, values)
-
-
-def _drawn(model: SavedModel, seed: int, best: bool) -> dict[str, float]:
-    rng = np.random.default_rng(
-        np.random.SeedSequence(seed, spawn_key=(7,))
-    )  # beside what the seed draws else
-    result = {}
+    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(7,)))  # beside what it draws else
+    values = {}
     for key, one in model.parameters.items():
         by = float(np.clip(rng.standard_normal(), -MOST_DRAWN, MOST_DRAWN))
         spread = (one.high - one.low) / (2.0 * Z90)
         drawn = one.value + (0.0 if best or not np.isfinite(spread) else by * spread)
         # What cannot be negative, or positive, and was not found so, is not drawn so.
-        result[key] = 0.0 if drawn * one.value < 0.0 and one.low * one.high > 0.0 else drawn
-    return result
+        values[key] = 0.0 if drawn * one.value < 0.0 and one.low * one.high > 0.0 else drawn
+    rig = _rig(model, preset, str(path))
+    found = _preset(replace(preset, name=path.name, title=f"twin of {path.name}", rig=rig), model, values)
+    effects, known = _effects(model, values, found, str(path))
+    return Learned(replace(found, known={**found.known, **known}), effects, values)
 
 
 def _rig(model: SavedModel, preset: Preset, where: str) -> Rig:

@@ -17,7 +17,7 @@ import numpy as np
 from fingerlab.acquisition.control.motion import Gains, braked
 from fingerlab.acquisition.control.trajectories import read_trajectory
 from fingerlab.core.errors import UserError
-from fingerlab.rig.file import Intervention, intervention_of
+from fingerlab.rig.file import intervention_of
 from fingerlab.sessions.model import Array
 from fingerlab.twin.bench import build_bench, draw_truth, place_bench
 from fingerlab.twin.effects import EFFECTS, Effects, apply_effects
@@ -207,18 +207,14 @@ def _bench(preset: Preset, truth: Truth, plan: RunPlan, effects: Effects) -> Pla
     apply_effects(bench, preset.effects)
     apply_effects(bench, effects)
     if change := intervention_of(plan.attributes, "of the plan"):
-        _change(bench.plant, change)
+        # What an operator changes on purpose, on top of whatever the bench is.
+        bench.plant["hung_mass"], bench.plant["hung_at"] = change.added_mass, change.added_mass_at
+        bench.plant["load_torque"] += change.load_torque
+        bench.plant["stiffness_1"] += change.mcp_stiffness
+        bench.plant["stiffness_2"] += change.pip_stiffness
+        bench.plant["arm_1"] *= change.mcp_arm
+        bench.plant["arm_2"] *= change.pip_arm
     return bench
-
-
-def _change(plant: Any, change: Intervention) -> None:
-    """What an operator changes on purpose, on top of whatever the bench is."""
-    plant["hung_mass"], plant["hung_at"] = change.added_mass, change.added_mass_at
-    plant["load_torque"] += change.load_torque
-    plant["stiffness_1"] += change.mcp_stiffness
-    plant["stiffness_2"] += change.pip_stiffness
-    plant["arm_1"] *= change.mcp_arm
-    plant["arm_2"] *= change.pip_arm
 
 
 def _wander(bench: Plant, preset: Preset, rng: np.random.Generator) -> None:
@@ -385,7 +381,11 @@ class BenchStream:
 
         Force and angles are NaN where there is no finger. Each call has noise of its own.
         """
-        noise = self._next_noise()
+        if self._noise_at == len(self._noise):
+            self._noise = self._rng.standard_normal((_NOISE_BLOCK, 4)).tolist()
+            self._noise_at = 0
+        self._noise_at += 1
+        noise = self._noise[self._noise_at - 1]
         sensors, now = self._sensors, self.now
         current = _quantised_value(now[_CURRENT] + sensors.current_noise * noise[0], sensors.current_step)
         counts = float(math.floor(now[_THETA] / self._count))
@@ -423,13 +423,6 @@ class BenchStream:
     def _drift(self) -> float:
         warm = 1.0 - math.exp(-self._samples * PERIOD / WARM_UP)
         return self._sensors.drift * warm / (1.0 - math.exp(-2.0))
-
-    def _next_noise(self) -> list[float]:
-        if self._noise_at == len(self._noise):
-            self._noise = self._rng.standard_normal((_NOISE_BLOCK, 4)).tolist()
-            self._noise_at = 0
-        self._noise_at += 1
-        return self._noise[self._noise_at - 1]
 
 
 def bridge_angle(angle: float, sensors: Sensors) -> float:

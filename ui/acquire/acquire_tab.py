@@ -503,7 +503,11 @@ class AcquireTab(Tab):
             self.comparison.show_errors()
             self.panel.refresh()
             self._count_down()
-            self._follow_mode()
+            status = self.controller.status
+            key = (status.mode, status.latched, status.recording) if status is not None else None
+            if key != getattr(self, "_last_mode", None):
+                self._last_mode = key
+                self.context.commands_changed.emit()
             self._show_lines()
 
     def _show_torques(self, plans: Mapping[str, Any]) -> None:
@@ -536,13 +540,6 @@ class AcquireTab(Tab):
             words = f"{countdown(left_of_run(status, bench.rate_hz, self._lasts_s))} left"
         if words != self.panel.hand_left.text():
             self.panel.hand_left.setText(words)
-
-    def _follow_mode(self) -> None:
-        status = self.controller.status
-        key = (status.mode, status.latched, status.recording) if status is not None else None
-        if key != getattr(self, "_last_mode", None):
-            self._last_mode = key
-            self.context.commands_changed.emit()
 
     def _refresh(self) -> None:
         connected = self.connected()

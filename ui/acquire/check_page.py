@@ -148,13 +148,6 @@ class CheckPage(QWidget):
         self.leave = ActionButton(
             "&Close", "checkLeave", "End the check and let the device go.", self.leave_asked.emit
         )
-        self._lay_out()
-        self.run.asked.connect(self._on_asked)
-        self.run.outcome_found.connect(self._on_found)
-        self.run.ended.connect(self._on_ended)
-        self.run.failed.connect(lambda sentence: self._say("", sentence, asking=False))
-
-    def _lay_out(self) -> None:
         buttons = hbox(None, *self.answers, Spacer(1), self.drive, self.leave, margins=FLUSH, spacing=8)
         vbox(
             self,
@@ -167,6 +160,10 @@ class CheckPage(QWidget):
             margins=(16, 8, 16, 8),
             spacing=8,
         )
+        self.run.asked.connect(self._on_asked)
+        self.run.outcome_found.connect(self._on_found)
+        self.run.ended.connect(self._on_ended)
+        self.run.failed.connect(lambda sentence: self._say("", sentence, asking=False))
 
     def begin(self, device: str) -> None:
         """Check the bench that is open for it, from the first step on."""

@@ -230,7 +230,10 @@ class LiveHistory:
             self._data[self._row[name], place[good]] = values[good]
         self._end += room
         self._known.update(dict.fromkeys(columns, self.stop))
-        self._drop_oldest()
+        extra = len(self) - self._capacity
+        if extra > 0:
+            self._begin += extra
+            self.first += extra
         return whole
 
     def fill(self, stop: int, columns: Mapping[str, Array]) -> None:
@@ -272,12 +275,6 @@ class LiveHistory:
         self.first = self.stop - kept
         self._data[:, :kept] = self._data[:, self._end - kept : self._end].copy()
         self._begin, self._end = 0, kept
-
-    def _drop_oldest(self) -> None:
-        extra = len(self) - self._capacity
-        if extra > 0:
-            self._begin += extra
-            self.first += extra
 
 
 ColumnRun = tuple[int, int]

@@ -71,7 +71,13 @@ def run(arguments: list[str], settings: Settings | None = None) -> int:
     prepare(app, settings)
     tidier = Tidier(app)
     window = MainWindow(settings)
-    follow_system(app, settings)
+
+    # Light and dark as the desktop changes, unless the user chose one.
+    def changed() -> None:
+        if settings.appearance() == "system":
+            apply_appearance(app, "system")
+
+    QGuiApplication.styleHints().colorSchemeChanged.connect(changed)
     previous = sys.excepthook
     sys.excepthook = _show_in(window)
     window.show()
@@ -110,16 +116,6 @@ def prepare(app: QApplication, settings: Settings) -> None:
     # A menu bar of the desktop's own keeps presses and keys from the program while a menu of it is open.
     QCoreApplication.setAttribute(Qt.ApplicationAttribute.AA_DontUseNativeMenuBar)
     apply_appearance(app, settings.appearance())
-
-
-def follow_system(app: QApplication, settings: Settings) -> None:
-    """Change between light and dark when the desktop does, unless the user chose one."""
-
-    def changed() -> None:
-        if settings.appearance() == "system":
-            apply_appearance(app, "system")
-
-    QGuiApplication.styleHints().colorSchemeChanged.connect(changed)
 
 
 def _show_in(window: MainWindow):  # type: ignore[no-untyped-def]

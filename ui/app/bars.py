@@ -94,10 +94,6 @@ class FrameHeader(QWidget):
         self.stop = described(QPushButton("STOP"), "stop", accessible="Stop the motor", font=large_font())
         self.stop.setMinimumSize(STOP_SIZE)
         self.stop.setFocusPolicy(Qt.FocusPolicy.NoFocus)  # Escape reaches it; space must not by accident
-        self._lay_out()
-        self.show_rig(RigLine())
-
-    def _lay_out(self) -> None:
         layout = hbox(
             self, (self.own, 5), (self.doing, 2), self.lamp, self.state, 8, margins=(0, 2, 8, 2), spacing=8
         )
@@ -108,6 +104,7 @@ class FrameHeader(QWidget):
         hbox(recording, self.dot, (self.count, 1), margins=FLUSH, spacing=8)
         layout.addWidget(recording)
         layout.addWidget(self.stop)
+        self.show_rig(RigLine())
 
     def show_own(self, widget: QWidget | None) -> None:
         """Show the tab's own part of the header."""

@@ -79,7 +79,14 @@ class PageView(QTextBrowser):
         self.document().clear()
         self.document().setMarkdown(text, QTextDocument.MarkdownFeature.MarkdownDialectGitHub)
         self._dress()
-        self._go_to(anchor)
+        self.moveCursor(QTextCursor.MoveOperation.Start)
+        block = self.document().begin()
+        while anchor and block.isValid():
+            if block.blockFormat().headingLevel() and documents.slug(block.text()) == anchor:
+                break
+            block = block.next()
+        if anchor and block.isValid():
+            self._bring_up(QTextCursor(block))
 
     def _dress(self) -> None:
         """Lines about the cells of tables, formulas on the line, and code in its own letters."""
@@ -110,16 +117,6 @@ class PageView(QTextBrowser):
                     cursor.setPosition(place.position() + place.length(), QTextCursor.MoveMode.KeepAnchor)
                     cursor.mergeCharFormat(on_the_line)
             block = block.next()
-
-    def _go_to(self, anchor: str) -> None:
-        self.moveCursor(QTextCursor.MoveOperation.Start)
-        block = self.document().begin()
-        while anchor and block.isValid():
-            if block.blockFormat().headingLevel() and documents.slug(block.text()) == anchor:
-                break
-            block = block.next()
-        if anchor and block.isValid():
-            self._bring_up(QTextCursor(block))
 
     def find_row(self, word: str) -> None:
         """Bring up the row of a table whose first words hold ``word``, and choose it."""
@@ -291,7 +288,11 @@ class Documents(QDialog):
         if word:
             self.view.find_row(word)
         self.back.setEnabled(bool(self._been))
-        self._mark(page)
+        self.contents.blockSignals(True)
+        for item in self._items():
+            if item.data(0, Qt.ItemDataRole.UserRole) == page:
+                self.contents.setCurrentItem(item)
+        self.contents.blockSignals(False)
 
     def go_back(self) -> None:
         """The page before."""
@@ -299,13 +300,6 @@ class Documents(QDialog):
             page = self._been.pop()
             self.view.page = ""
             self.open_page(page)
-
-    def _mark(self, page: str) -> None:
-        self.contents.blockSignals(True)
-        for item in self._items():
-            if item.data(0, Qt.ItemDataRole.UserRole) == page:
-                self.contents.setCurrentItem(item)
-        self.contents.blockSignals(False)
 
     def _on_chosen(self, item: QTreeWidgetItem | None, _before: object) -> None:
         page = item.data(0, Qt.ItemDataRole.UserRole) if item is not None else None

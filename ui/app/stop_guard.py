@@ -174,7 +174,10 @@ class StopGuard(QObject):
 
     def _on_stop(self, event: QPointerEvent) -> bool:
         """Whether something was pressed where STOP is."""
-        places = self._places()
+        shown = [self._button] if self._button.isVisible() and not self._window.isMinimized() else []
+        if self.stand_in is not None and self.stand_in.isVisible():
+            shown.append(self.stand_in.button)
+        places = [QRect(button.mapToGlobal(QPoint(0, 0)), button.size()) for button in shown]
         return any(
             point.state() == QEventPoint.State.Pressed and place.contains(point.globalPosition().toPoint())
             for point in event.points()
@@ -201,13 +204,6 @@ class StopGuard(QObject):
         return True
 
     # the stand-in
-
-    def _places(self) -> list[QRect]:
-        """Where STOP is seen, on the screen."""
-        shown = [self._button] if self._button.isVisible() and not self._window.isMinimized() else []
-        if self.stand_in is not None and self.stand_in.isVisible():
-            shown.append(self.stand_in.button)
-        return [QRect(button.mapToGlobal(QPoint(0, 0)), button.size()) for button in shown]
 
     def look(self) -> None:
         """Lay the stand-in where it is needed, or take it away."""

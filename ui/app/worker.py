@@ -263,7 +263,13 @@ class Worker(QObject):
             return
         self._now, self._last = None, job
         if not job.stop.is_set():
-            self._tell(job)
+            if job.failure is not None:
+                (job.failed or self.failed.emit)(job.failure)
+                self.ended.emit("failed")
+            else:
+                # "done" first: what the result starts (the next job) must come after the end of this one.
+                self.ended.emit("done")
+                job.done(job.result)
         elif not self._waiting:
             self.ended.emit("stopped")
         if self._now is None and self._waiting:
@@ -272,12 +278,3 @@ class Worker(QObject):
             thread, self._thread = self._thread, None
             self._end(thread)
         self.busy_changed.emit()
-
-    def _tell(self, job: _Job) -> None:
-        if job.failure is not None:
-            (job.failed or self.failed.emit)(job.failure)
-            self.ended.emit("failed")
-        else:
-            # "done" first: what the result starts (the next job) must come after the end of this one.
-            self.ended.emit("done")
-            job.done(job.result)

@@ -260,7 +260,7 @@ class CalibrateTab(Tab):
 
     def _show_outcome(self, outcome: CalibrationOutcome, notes: list[str], back: str) -> None:
         self.outcome = outcome
-        self.result_page.show_outcome(outcome, self._latest(outcome.sensor.name), notes, back)
+        self.result_page.show_outcome(outcome, self._current().get(outcome.sensor.name), notes, back)
         self._turn_to(self.result_page)
 
     def _back(self) -> None:
@@ -357,9 +357,6 @@ class CalibrateTab(Tab):
         except UserError as error:
             self.context.tell(str(error), traceback.format_exc())
             return {}
-
-    def _latest(self, name: str) -> CalibrationRecord | None:
-        return self._current().get(name)
 
     def _sensor(self) -> Sensor | None:
         if self.wizard is not None:

@@ -20,7 +20,7 @@ from fingerlab.thesis.traces import JOINT_TITLES, Joint
 
 from ..widgets.plots import QuietPlot, span_of
 from ..widgets.series import Series
-from ..widgets.theme import Colours, colours_of, tint
+from ..widgets.theme import colours_of, tint
 
 REGION_COLOURS = {
     "flexion": "candidate",
@@ -69,7 +69,10 @@ class SpeedPlot(QuietPlot):
         colours = colours_of(self)
         duration = float(view.time[-1] + view.time[1])
         for region, start, stop in view.spans[self.joint]:
-            self._tint(colours, region, start, stop)
+            brush = tint(getattr(colours, REGION_COLOURS[region]), 0.18)
+            band = pg.LinearRegionItem((start, stop), movable=False, brush=brush, pen=pg.mkPen(None))
+            band.setZValue(-10)
+            self.getPlotItem().addItem(band, ignoreBounds=True)
             self.write_over((REGION_TITLES[region],), (start, stop), high, turns=True)
         for sign in (1, -1):
             level = sign * DEGREES * view.thresholds[self.joint]
@@ -79,12 +82,6 @@ class SpeedPlot(QuietPlot):
             )
         plot.addItem(pg.PlotCurveItem(view.time, speed, pen=self.pen("measured"), antialias=True))
         plot.setRange(xRange=(0, duration), yRange=(low, high), padding=0)
-
-    def _tint(self, colours: Colours, region: str, start: float, stop: float) -> None:
-        brush = tint(getattr(colours, REGION_COLOURS[region]), 0.18)
-        band = pg.LinearRegionItem((start, stop), movable=False, brush=brush, pen=pg.mkPen(None))
-        band.setZValue(-10)
-        self.getPlotItem().addItem(band, ignoreBounds=True)
 
 
 class PlanePlot(QuietPlot):

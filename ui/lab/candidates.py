@@ -75,7 +75,7 @@ def rows_of(diagnosis: Diagnosis) -> list[CandidateRow]:
             c.probability,
             c.in_set and many,
             c.detectable,
-            _remark(c.detectable),
+            "" if c.detectable else "these data cannot show it",
             listed([in_sentence(called(diagnosis, name)) for name in c.replaces]),
             c.score,
         )
@@ -86,10 +86,6 @@ def rows_of(diagnosis: Diagnosis) -> list[CandidateRow]:
     rows += [CandidateRow(outcome, title, chance, False, True) for (outcome, title), chance in outcomes]
     first = diagnosis.verdict
     return sorted(rows, key=lambda row: (row.key != first, not row.detectable, -row.probability))
-
-
-def _remark(detectable: bool) -> str:
-    return "" if detectable else "these data cannot show it"
 
 
 class CandidateList(QAbstractListModel):
@@ -118,7 +114,12 @@ class CandidateList(QAbstractListModel):
         if role == self.RowRole:
             return row
         if role in (Qt.ItemDataRole.ToolTipRole, Qt.ItemDataRole.AccessibleTextRole):
-            return _spoken(row)
+            instead = f" in place of {row.replaces}" if row.replaces else ""
+            text = f"{row.title}{instead}: probability {percent(row.probability)}"
+            text += f", error with it {score_text(row.score)} floors" if row.score is not None else ""
+            if row.in_set:
+                text += ", cannot be ruled out, as the others that are marked"
+            return f"{text}, {row.remark}" if row.remark else text
         return None
 
     def as_table(self) -> str:
@@ -135,15 +136,6 @@ class CandidateList(QAbstractListModel):
             if row.key == key:
                 return self.index(number, 0)
         return QModelIndex()
-
-
-def _spoken(row: CandidateRow) -> str:
-    instead = f" in place of {row.replaces}" if row.replaces else ""
-    text = f"{row.title}{instead}: probability {percent(row.probability)}"
-    text += f", error with it {score_text(row.score)} floors" if row.score is not None else ""
-    if row.in_set:
-        text += ", cannot be ruled out, as the others that are marked"
-    return f"{text}, {row.remark}" if row.remark else text
 
 
 SET_MARK = "≈"
@@ -257,13 +249,10 @@ class CandidateDelegate(QStyledItemDelegate):
             painter.drawText(wide, middle | Qt.AlignmentFlag.AlignRight, text)
             return
         painter.drawText(places.number, middle | Qt.AlignmentFlag.AlignRight, percent(row.probability))
-        self._paint_bar(painter, places.bar, row, colours)
-
-    def _paint_bar(self, painter: QPainter, room: QRect, row: CandidateRow, colours: Colours) -> None:
-        height = max(6, room.height() // 3)
-        bar = QRect(room.left(), room.center().y() - height // 2, room.width(), height)
+        height = max(6, places.bar.height() // 3)
+        bar = QRect(places.bar.left(), places.bar.center().y() - height // 2, places.bar.width(), height)
         painter.fillRect(bar, tint(colours.floor, 0.25))
-        bar.setWidth(max(1, round(room.width() * min(max(row.probability, 0.0), 1.0))))
+        bar.setWidth(max(1, round(places.bar.width() * min(max(row.probability, 0.0), 1.0))))
         painter.fillRect(bar, QColor(colours.candidate))
 
 
@@ -324,15 +313,6 @@ class CandidatesPanel(QWidget):
         # Where room is short the list gives way and scrolls, not the words above it.
         self.view.setMinimumHeight(LEAST_ROWS * 2 * self.fontMetrics().height())
         self.add_button = described(QPushButton("Add &to model"), "addToModel", primary="true")
-        self._layout()
-        self._busy = False
-        self.view.selectionModel().currentChanged.connect(self._on_current)
-        self.view.accepted.connect(self._ask)
-        self.view.doubleClicked.connect(self._ask)
-        self.add_button.clicked.connect(self._ask)
-        self._update_button()
-
-    def _layout(self) -> None:
         head = CandidateHeading(self.view)
         listed_below = vbox(None, head, (self.view, 1), spacing=0)
         layout = vbox(
@@ -340,6 +320,12 @@ class CandidatesPanel(QWidget):
         )
         row = hbox(None, self.add_button, Spacer(1))
         layout.addLayout(row)
+        self._busy = False
+        self.view.selectionModel().currentChanged.connect(self._on_current)
+        self.view.accepted.connect(self._ask)
+        self.view.doubleClicked.connect(self._ask)
+        self.add_button.clicked.connect(self._ask)
+        self._update_button()
 
     def show_diagnosis(self, diagnosis: Diagnosis | None) -> None:
         """Show the rows of a diagnosis and choose the one that its verdict names."""

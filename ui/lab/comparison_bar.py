@@ -254,7 +254,16 @@ class ComparisonBar(QWidget):
         self._group = QButtonGroup(self)
         self._buttons: dict[str, QPushButton] = {}
         for equation in EQUATIONS:
-            self._add_button(equation)
+            text = equation_of(equation)
+            button = described(QPushButton(text.button), f"equation_{equation}")
+            button.setCheckable(True)
+            button.setToolTip(text.help)
+            button.setAccessibleName(text.title)
+            button.clicked.connect(self._on_equation)
+            button.hide()
+            self._group.addButton(button)
+            self._buttons[equation] = button
+            self._layout.addWidget(button)
         self.runs = described(
             QComboBox(), "runs", accessible="Run shown", tip="Run shown (Alt+Up, Alt+Down for the next)."
         )
@@ -270,18 +279,6 @@ class ComparisonBar(QWidget):
         self._layout.addWidget(self.runs, 1)
         self._layout.addSpacing(8)
         self._layout.addWidget(self.error)
-
-    def _add_button(self, equation: str) -> None:
-        text = equation_of(equation)
-        button = described(QPushButton(text.button), f"equation_{equation}")
-        button.setCheckable(True)
-        button.setToolTip(text.help)
-        button.setAccessibleName(text.title)
-        button.clicked.connect(self._on_equation)
-        button.hide()
-        self._group.addButton(button)
-        self._buttons[equation] = button
-        self._layout.addWidget(button)
 
     # what there is
 

@@ -174,7 +174,11 @@ class ComparisonPlot(pg.GraphicsLayoutWidget):
         floor = comparison.floor * shown.residual_unit.factor
         self.floor_band.setRegion((-floor, floor))
         self._label_axes()
-        self._set_value_ranges(shown, floor, keep_view)
+        if not keep_view:
+            self.top.setYRange(*limits(np.concatenate([shown.measured, shown.modelled])), padding=0)
+        # The residual's own axis follows it: what is left after an effect was added is seen, not a flat line.
+        height = max(largest(shown.residual), 2.0 * floor) * (1 + MARGIN)
+        self.bottom.setYRange(-height, height, padding=0)
         if not keep_view:
             self.show_whole()
         self._show_stretch()
@@ -208,13 +212,6 @@ class ComparisonPlot(pg.GraphicsLayoutWidget):
             return
         label_left(self.top, equation_of(shown.comparison.equation).quantity, shown.unit)
         label_left(self.bottom, "Residual", shown.residual_unit)
-
-    def _set_value_ranges(self, shown: ScaledComparison, floor: float, keep_view: bool) -> None:
-        if not keep_view:
-            self.top.setYRange(*limits(np.concatenate([shown.measured, shown.modelled])), padding=0)
-        # The residual's own axis follows it: what is left after an effect was added is seen, not a flat line.
-        height = max(largest(shown.residual), 2.0 * floor) * (1 + MARGIN)
-        self.bottom.setYRange(-height, height, padding=0)
 
     def fit_heights(self) -> None:
         """Heights of what is in view now."""

@@ -400,10 +400,11 @@ def compared(a: Diagnosis, b: Diagnosis) -> list[tuple[str, str, str]]:
         rows.append((words, before, score_text(one.score)))
     sure = "Probability that nothing more is missing"
     rows.append((sure, _share(a.probability_nothing), _share(b.probability_nothing)))
+    # No nuisances: they only let a constant move within its tolerance.
     keys = [
         key
         for key in dict.fromkeys((*a.parameters, *b.parameters))
-        if (_worth_showing(key) and is_told(key, {**a.parameters, **b.parameters}[key]))
+        if (("." in key or key.startswith("arm_")) and is_told(key, {**a.parameters, **b.parameters}[key]))
         or key in a.held
         or key in b.held
     ]
@@ -423,8 +424,3 @@ def _estimate(key: str, diagnosis: Diagnosis) -> str:
 
 def _share(share: float) -> str:
     return f"{round(100 * share)} %"
-
-
-def _worth_showing(key: str) -> bool:
-    """Effects' own numbers, and the moment arms; nuisances only let a constant move within its tolerance."""
-    return "." in key or key.startswith("arm_")

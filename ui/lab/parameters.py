@@ -79,8 +79,19 @@ class ParametersPanel(QWidget):
         self._moving = ""  # the parameter whose moves are one step until it is let go
         self._busy = False
         self._make()
-        self._build()
-        self._connect()
+        top = hbox(None, self.title, (self.words, 1), self.back, spacing=16)
+        value = hbox(None, (self.name, 2), (self.slider, 3), self.field, spacing=8)
+        row = hbox(None, self.follow, Spacer(1), self.hold, self.reset, self.refit, spacing=8)
+        vbox(self, top, (self.table, 1), value, row, margins=FLUSH, spacing=4)
+        self.table.currentCellChanged.connect(lambda *_: self._show_chosen())
+        self.slider.valueChanged.connect(self._on_slider)
+        self.slider.sliderReleased.connect(self._let_go)
+        self.field.valueChanged.connect(self._on_field)
+        self.follow.toggled.connect(lambda _on: self._recompute())
+        self.hold.clicked.connect(self._toggle_hold)
+        self.reset.clicked.connect(lambda: self._do(ParameterChange({}, self._now.hold)))
+        self.refit.clicked.connect(self._ask_refit)
+        self.back.clicked.connect(self.closed)
 
     def _make(self) -> None:
         self.title = heading("Parameters")
@@ -107,23 +118,6 @@ class ParametersPanel(QWidget):
         self.reset = described(QPushButton("As f&itted"), "asFitted", tip="Every value back to where it was.")
         self.refit = described(QPushButton("&Refit"), "refitHeld", primary="true")
         self.back = described(QPushButton("Back to the &candidates"), "closeParameters")
-
-    def _build(self) -> None:
-        top = hbox(None, self.title, (self.words, 1), self.back, spacing=16)
-        value = hbox(None, (self.name, 2), (self.slider, 3), self.field, spacing=8)
-        row = hbox(None, self.follow, Spacer(1), self.hold, self.reset, self.refit, spacing=8)
-        vbox(self, top, (self.table, 1), value, row, margins=FLUSH, spacing=4)
-
-    def _connect(self) -> None:
-        self.table.currentCellChanged.connect(lambda *_: self._show_chosen())
-        self.slider.valueChanged.connect(self._on_slider)
-        self.slider.sliderReleased.connect(self._let_go)
-        self.field.valueChanged.connect(self._on_field)
-        self.follow.toggled.connect(lambda _on: self._recompute())
-        self.hold.clicked.connect(self._toggle_hold)
-        self.reset.clicked.connect(lambda: self._do(ParameterChange({}, self._now.hold)))
-        self.refit.clicked.connect(self._ask_refit)
-        self.back.clicked.connect(self.closed)
 
     # what is shown
 
@@ -197,7 +191,16 @@ class ParametersPanel(QWidget):
         for widget in (self.slider, self.field, self.hold, self.follow):
             set_usable(widget, one is not None and not self._busy)
         set_usable(self.reset, bool(self._now.moved) and not self._busy)
-        self._update_refit()
+        wanted = self.wanted()
+        why = (
+            "Work is running; wait for it or cancel it below."
+            if self._busy
+            else "Hold a value first, or let one free."
+            if wanted == dict(self._held)
+            else ""
+        )
+        set_usable(self.refit, not why and self._at_hand is not None)
+        self.refit.setToolTip(why or "Fit again with what is held; Ctrl+Z takes it back.")
         self.name.setText("")
         if one is None or self._at_hand is None:
             return
@@ -218,18 +221,6 @@ class ParametersPanel(QWidget):
             self.field.setSuffix(f" {unit.symbol}" if unit.symbol else "")
             self.field.setValue(min(max(self._value(one), one.low), one.high) * unit.factor)
             self.slider.setValue(round(STEPS * (self._value(one) - low) / (high - low)))
-
-    def _update_refit(self) -> None:
-        wanted = self.wanted()
-        why = (
-            "Work is running; wait for it or cancel it below."
-            if self._busy
-            else "Hold a value first, or let one free."
-            if wanted == dict(self._held)
-            else ""
-        )
-        set_usable(self.refit, not why and self._at_hand is not None)
-        self.refit.setToolTip(why or "Fit again with what is held; Ctrl+Z takes it back.")
 
     def wanted(self) -> dict[str, float]:
         """What the next fit is to hold, by key, SI."""

@@ -33,11 +33,6 @@ EXAMPLES: dict[str, tuple[str, tuple[str, ...]]] = {
 EXAMPLE_SEED = 11
 
 
-def practice_folder() -> Path:
-    """Where practice sessions are kept: the user's own data folder."""
-    return own_data("practice")
-
-
 def simulate(progress: Progress, cancelled: IsCancelled, example: str = "") -> Path:
     """Record a session with a sealed effect, or one of the ``EXAMPLES``; returns its file.
 
@@ -50,7 +45,7 @@ def simulate(progress: Progress, cancelled: IsCancelled, example: str = "") -> P
     from fingerlab.twin.protocols import PROTOCOLS, load_preset
     from fingerlab.twin.session import new_seed, write_session
 
-    folder = practice_folder()
+    folder = own_data("practice")
     folder.mkdir(parents=True, exist_ok=True)
     name = f"example-{example}" if example else f"practice-{datetime.now():%Y-%m-%d-%H%M%S}"
     path = folder / f"{name}.h5"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from PySide6.QtCore import QObject, Qt, Signal
 from PySide6.QtGui import QFontMetrics
@@ -315,7 +315,10 @@ class ResultActions(QObject):
 
     def hand_experiment(self) -> None:
         """The proposed recording to Acquire, as a protocol of one run."""
-        proposal = self._proposal()
+        diagnosis = self._controller.diagnosis
+        proposal = (
+            dict(diagnosis.next_experiment) if diagnosis is not None and diagnosis.next_experiment else None
+        )
         if proposal is None:
             return
         from fingerlab.acquisition.protocols.steps import plan_steps
@@ -375,9 +378,3 @@ class ResultActions(QObject):
     def _model(self) -> ModelKey:
         history = self._controller.history
         return history.now.key if history is not None else ((), ())
-
-    def _proposal(self) -> dict[str, Any] | None:
-        diagnosis = self._controller.diagnosis
-        return (
-            dict(diagnosis.next_experiment) if diagnosis is not None and diagnosis.next_experiment else None
-        )

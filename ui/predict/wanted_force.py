@@ -64,7 +64,11 @@ class WantedPanel(QWidget):
         self.save = described(QPushButton("&Save trajectory…"), "saveTorque")
         self.hand = described(QPushButton("Hand &to Acquire"), "handTorque", primary="true")
         self._lay_out()
-        self._connect()
+        for box in (self.model, self.pose):
+            box.currentIndexChanged.connect(self._on_choice)
+        self.wanted.changed.connect(self.changed)
+        self.save.clicked.connect(self.save_asked)
+        self.hand.clicked.connect(self.hand_asked)
         self.wanted.set_shown(True)
         self.show_outcome("", "", False)
 
@@ -87,13 +91,6 @@ class WantedPanel(QWidget):
         layout.addStretch(1)
         layout.addWidget(self.save)
         layout.addWidget(self.hand)
-
-    def _connect(self) -> None:
-        for box in (self.model, self.pose):
-            box.currentIndexChanged.connect(self._on_choice)
-        self.wanted.changed.connect(self.changed)
-        self.save.clicked.connect(self.save_asked)
-        self.hand.clicked.connect(self.hand_asked)
 
     # what is chosen
 

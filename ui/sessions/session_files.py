@@ -87,7 +87,10 @@ class FileEdit:
             raise UserError(f"{self.path} is open; close it before its making is undone.")
         if _stamp(self.path) != self._stamp:
             raise Gone(f"{self.path} was changed or moved since it was written; nothing was undone.")
-        _make_room_for_trash()
+        # Where the trash's folder is missing, as for a new user, Qt makes none.
+        place = QStandardPaths.writableLocation(QStandardPaths.StandardLocation.GenericDataLocation)
+        with suppress(OSError):
+            Path(place).mkdir(parents=True, exist_ok=True)
         file = QFile(str(self.path))
         if not file.moveToTrash():
             # Gone: a disk without a trash has none later either, and would bar the way to older steps.
@@ -142,13 +145,6 @@ class EditHistory(UndoSteps[Edit]):
         finally:
             self.changed.emit()
         return edit.words
-
-
-def _make_room_for_trash() -> None:
-    """The folder in which Linux keeps the trash; where it is missing, as for a new user, Qt makes none."""
-    place = QStandardPaths.writableLocation(QStandardPaths.StandardLocation.GenericDataLocation)
-    with suppress(OSError):
-        Path(place).mkdir(parents=True, exist_ok=True)
 
 
 def _stamp(path: Path) -> tuple[int, int] | None:

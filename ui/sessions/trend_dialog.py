@@ -319,7 +319,12 @@ class TrendDialog(ResultDialog):
         self.words.setText(self._said(found))
         led = {one.column for one in found}
         self._trends.sort(key=lambda one: self._rank(one.column, led))
-        self._fill()
+        self.table.show_rows([(*_cells(trend), self._verdict_words(trend.column)) for trend in self._trends])
+        for part in (self.table, self.plot, self.sentence, self.hint):  # an empty plot has axes of nothing
+            part.setVisible(bool(self._trends))
+        if self._trends:
+            self.table.setCurrentCell(0, 0)
+        self._show_chosen()
         self.benches.show_contents(contents)
 
     def _rank(self, column: str, led: set[str]) -> tuple[bool, bool, float]:
@@ -342,14 +347,6 @@ class TrendDialog(ResultDialog):
         rest = beside(list(self._courses.values()), found)
         sentences += [course_sentence(one) for one in rest if one.course.verdict not in ("steady", "open")]
         return "\n".join(sentences) or "No change of any number is likelier than none. Each one's own below."
-
-    def _fill(self) -> None:
-        self.table.show_rows([(*_cells(trend), self._verdict_words(trend.column)) for trend in self._trends])
-        for part in (self.table, self.plot, self.sentence, self.hint):  # an empty plot has axes of nothing
-            part.setVisible(bool(self._trends))
-        if self._trends:
-            self.table.setCurrentCell(0, 0)
-        self._show_chosen()
 
     def _verdict_words(self, column: str) -> str:
         one = self._courses.get(column)

@@ -48,21 +48,11 @@ def set_shown(widget: QWidget, on: bool) -> None:
 
 
 def _change(widget: QWidget, change: Callable[[bool], None], on: bool) -> None:
-    if not on:
-        _let_go(widget)
-    change(on)
-    if on:
-        _take_back(widget)
-
-
-def _let_go(widget: QWidget) -> None:
-    if widget.window().focusWidget() is widget:
+    if not on and widget.window().focusWidget() is widget:
         widget.setProperty(WAITS_FOR_FOCUS, True)
         widget.clearFocus()
-
-
-def _take_back(widget: QWidget) -> None:
-    if widget.property(WAITS_FOR_FOCUS) and widget.isEnabled():
+    change(on)
+    if on and widget.property(WAITS_FOR_FOCUS) and widget.isEnabled():
         widget.setProperty(WAITS_FOR_FOCUS, None)
         if widget.window().focusWidget() is None:
             widget.setFocus()

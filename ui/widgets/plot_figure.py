@@ -103,25 +103,19 @@ def picture(widget: QWidget, kind: str, paper: Paper | None = None) -> bytes:
     with mpl.rc_context():
         mpl.rcdefaults()  # whatever a matplotlibrc of the user or of the folder says
         mpl.rcParams.update(SETTINGS)
-        figure = figure_of(widget, paper)
+        size = (paper.width / MILLIMETRES_PER_INCH, paper.height / MILLIMETRES_PER_INCH)
+        figure = Figure(figsize=size, dpi=DPI, layout="constrained", facecolor="white")
+        if isinstance(widget, ShowsFigure):
+            widget.draw_figure(figure)
+        elif isinstance(widget, pg.GraphicsView):
+            _draw_view(figure, widget)
+        elif isinstance(widget, ShowsSeries):
+            _draw_series(figure, widget.shown_series())
+        if paper.title:
+            title = fill(paper.title, max(int(paper.width / TITLE_LETTER_MM), 10))
+            figure.suptitle(title, fontsize=TITLE_SIZE, x=0.01, ha="left")
         figure.savefig(out, format=kind, dpi=paper.dots_per_inch, **FORMATS[kind])
     return out.getvalue()
-
-
-def figure_of(widget: QWidget, paper: Paper) -> Figure:
-    """The plot drawn anew."""
-    size = (paper.width / MILLIMETRES_PER_INCH, paper.height / MILLIMETRES_PER_INCH)
-    figure = Figure(figsize=size, dpi=DPI, layout="constrained", facecolor="white")
-    if isinstance(widget, ShowsFigure):
-        widget.draw_figure(figure)
-    elif isinstance(widget, pg.GraphicsView):
-        _draw_view(figure, widget)
-    elif isinstance(widget, ShowsSeries):
-        _draw_series(figure, widget.shown_series())
-    if paper.title:
-        title = fill(paper.title, max(int(paper.width / TITLE_LETTER_MM), 10))
-        figure.suptitle(title, fontsize=TITLE_SIZE, x=0.01, ha="left")
-    return figure
 
 
 def _in_lines(label: str, letters: int) -> str:

@@ -410,11 +410,6 @@ class ColumnKeeper(QObject):
         self._pressed: tuple[int, ...] | None = None
         self.by_hand = False
         header = table.horizontalHeader()
-        self._restore(header)
-        header.viewport().installEventFilter(self)
-        header.sortIndicatorChanged.connect(self._on_sorted)
-
-    def _restore(self, header: QHeaderView) -> None:
         widths = self._settings.widths(self._name)
         if len(widths) == header.count():
             self.by_hand = True
@@ -426,6 +421,8 @@ class ColumnKeeper(QObject):
         if 0 <= column < header.count():
             order = Qt.SortOrder.DescendingOrder if descending else Qt.SortOrder.AscendingOrder
             self._table.sortByColumn(column, order)
+        header.viewport().installEventFilter(self)
+        header.sortIndicatorChanged.connect(self._on_sorted)
 
     def _widths(self) -> tuple[int, ...]:
         header = self._table.horizontalHeader()

@@ -262,7 +262,9 @@ class ControlLoop:
         stops = self._board[Slot.STOP_REQUESTS]
         if stops != self._stops:
             self._stops = stops
-            self._stop()
+            self._make_safe()
+            self._become(Event.STOP)
+            self._forget()
         if self._averaging is not None and self._averaging.add(reading):
             self._finish_averaging()
         while self._commands and self._averaging is None and self._enabling is None:
@@ -276,7 +278,10 @@ class ControlLoop:
             steering.stand(reading.position)
             return
         if steering.advance(reading):
-            self._end_of_trajectory(reading)
+            if self.machine.mode is Mode.RUNNING:
+                self._rest()
+            elif self._steering.settled(reading.position):
+                self._become(Event.REST)
         if self.machine.command_allowed:
             steering.command(reading, self._blocks is None or self._blocks.command_is_due)
         else:
@@ -365,21 +370,10 @@ class ControlLoop:
         self._board[Slot.RUN_ACTIVE] = 1
         return ""
 
-    def _end_of_trajectory(self, reading: Reading) -> None:
-        if self.machine.mode is Mode.RUNNING:
-            self._rest()
-        elif self._steering.settled(reading.position):
-            self._become(Event.REST)
-
     def _rest(self) -> None:
         self._steering.rest(self._reader.reading.position)
         self._board[Slot.RUN_ACTIVE] = 0
         self._become(Event.FINISH)
-
-    def _stop(self) -> None:
-        self._make_safe()
-        self._become(Event.STOP)
-        self._forget()
 
     def _fault(self, sentence: str, lost: bool = False) -> None:
         """Motor off until the operator resets; with ``lost`` there is no device left, and the loop ends."""

@@ -42,11 +42,6 @@ REFUSED = (
 )
 
 
-def stay_awake(board: SharedStatus) -> None:
-    """Follow the enable line of ``board`` from now on, in a thread of its own."""
-    threading.Thread(target=_follow, args=(board,), name="awake", daemon=True).start()
-
-
 def _follow(board: SharedStatus) -> None:
     while True:
         if board[Slot.ENABLE_LINE]:
@@ -185,7 +180,7 @@ def recorder_main(plan: Plan, requests: Connection, loop_lives: Connection, aliv
     )
     guardian.start()
     if plan.device.kind not in IN_THE_LOOP:  # a simulated motor may fall asleep with its machine
-        stay_awake(board)
+        threading.Thread(target=_follow, args=(board,), name="awake", daemon=True).start()
     cut = False
     while True:
         recorder.poll()

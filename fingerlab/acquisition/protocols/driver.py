@@ -251,9 +251,16 @@ class ProtocolDriver:
         if isinstance(step, Change):
             self._change(step)
         elif isinstance(step, Find):
-            self._find(step)
+            self._tell(self.share, FINDING.lower(), 0.0)
+            pressed = find_contact(self.bench, step.force, self._until, lambda: self._ending)
+            if pressed is not None:
+                self._offset_deg = round(math.degrees(pressed), 2)
+                self.bench.ask(Finish())
+            if self.bench.status().enabled:
+                self._wait_for_rest()
         elif isinstance(step, Lift):
-            self._lift(step)
+            self.bench.ask(lifting(step))
+            self._wait(LIFT_S, "lifting the load")
         elif isinstance(step, Record):
             self._record(step)
         elif isinstance(step, WorkOut):
@@ -304,19 +311,6 @@ class ProtocolDriver:
             return
         for command in [*commands, Enable()]:
             bench.ask(command)
-
-    def _find(self, step: Find) -> None:
-        self._tell(self.share, FINDING.lower(), 0.0)
-        pressed = find_contact(self.bench, step.force, self._until, lambda: self._ending)
-        if pressed is not None:
-            self._offset_deg = round(math.degrees(pressed), 2)
-            self.bench.ask(Finish())
-        if self.bench.status().enabled:
-            self._wait_for_rest()
-
-    def _lift(self, step: Lift) -> None:
-        self.bench.ask(lifting(step))
-        self._wait(LIFT_S, "lifting the load")
 
     def _work_out(self, step: WorkOut) -> None:
         """What takes its time is done without current: no process has to look after the motor meanwhile."""

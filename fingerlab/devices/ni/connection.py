@@ -204,7 +204,10 @@ class Connection:
             channel.close()
 
     def _options(self, name: str) -> Any:
-        _quiet_warnings()
+        # A warning is shown once, not at every cycle: printing would make the loop later still.
+        from nidaqmx.errors import DaqWarning
+
+        warnings.filterwarnings("once", category=DaqWarning)
         if not self.remote:
             return None
         from nidaqmx.grpc_session_options import GrpcSessionOptions, SessionInitializationBehavior
@@ -237,10 +240,3 @@ def open_channel(server: str) -> DeadlineChannel:
 
     options = [("grpc.keepalive_time_ms", 1000), ("grpc.keepalive_timeout_ms", 1000)]
     return DeadlineChannel(grpc.insecure_channel(server, options=options), RPC_DEADLINE)
-
-
-def _quiet_warnings() -> None:
-    """Show a driver's warning once, not at every cycle: printing would make the loop later still."""
-    from nidaqmx.errors import DaqWarning
-
-    warnings.filterwarnings("once", category=DaqWarning)
