@@ -55,13 +55,7 @@ MOST_LISTED = 5
 
 @click.command(short_help="Diagnose every session below a folder.")
 @click.argument("folder", metavar="FOLDER", type=PATH)
-@click.option(
-    "--out",
-    required=True,
-    metavar="T.parquet",
-    type=PATH,
-    help="Table, one row a session.",
-)
+@click.option("--out", required=True, metavar="T.parquet", type=PATH, help="Table, one row a session.")
 @click.option("--dask", "address", metavar="ADDRESS", help="Let the Dask cluster at ADDRESS do the work.")
 @added_option
 @click.option("--jobs", type=click.IntRange(min=1), metavar="N", help="Diagnoses at a time; all cores.")

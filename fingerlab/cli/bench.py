@@ -47,10 +47,7 @@ STATES = {
 @click.command(short_help="List what can be driven, and forget devices of your own.")
 @click.option("--rig", "rig_file", type=PATH, help="Rig file that names the card.")
 @click.option(
-    "--untrust",
-    metavar="FILE",
-    type=PATH,
-    help="Forget that this device of your own was confirmed.",
+    "--untrust", metavar="FILE", type=PATH, help="Forget that this device of your own was confirmed."
 )
 @click.option("--forget", is_flag=True, help="Forget every device of your own.")
 @json_option
@@ -338,8 +335,7 @@ def _print_calibration(result: Calibration, marks: list[float], notes: list[str]
     for note in notes:
         console.print(note)
     table = result_table(
-        *(f">known ({sensor.mark_unit})", f">known ({unit})", ">reading (V)", ">spread (V)"),
-        f">off ({unit})",
+        *(f">known ({sensor.mark_unit})", f">known ({unit})", ">reading (V)", ">spread (V)"), f">off ({unit})"
     )
     for mark, known, step, off in zip(marks, result.known, result.steps, result.residuals, strict=True):
         cells = (f"{mark:g}", f"{known * scale:.3f}", f"{step.volts:.4f}", f"{step.spread:.4f}")

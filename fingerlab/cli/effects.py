@@ -28,10 +28,7 @@ SHOWN_LINES = 60
 @click.option("--trust", metavar="FILE", type=PATH, help="Let this file of the folder be run.")
 @click.option("--untrust", metavar="FILE", type=PATH, help="Do not run this file any more.")
 @click.option(
-    "--template",
-    metavar="FILE",
-    type=PATH,
-    help="Write a new file of an own effect, to be edited.",
+    "--template", metavar="FILE", type=PATH, help="Write a new file of an own effect, to be edited."
 )
 @click.option("--forget", is_flag=True, help="Forget the folder and every file that was confirmed.")
 @json_option

@@ -27,10 +27,7 @@ COMMANDS = {
     "record": ("fingerlab.cli.record:record", "Record a session from a device, without the window."),
     "reveal": ("fingerlab.cli.simulate:reveal", "Tell which effect a simulated session hides."),
     "info": ("fingerlab.cli.sessions:info", "Show and check what is in a session."),
-    "import": (
-        "fingerlab.cli.sessions:import_text",
-        "Turn text files, or logs of one axis, into a session.",
-    ),
+    "import": ("fingerlab.cli.sessions:import_text", "Turn text files, or logs of one axis, into a session."),
     "export": ("fingerlab.cli.sessions:export", "Give a session to other tools."),
     "calibrate": ("fingerlab.cli.bench:calibrate", "Calibrate a sensor from a stepped recording."),
     "fit": ("fingerlab.cli.fit:fit", "Fit moment arms and friction losses."),

@@ -57,11 +57,7 @@ FORCE = Within(min=0.05, max=50.0)
     metavar="P,I,D",
     help="Of the position loop, A/rad, A/(rad s), A s/rad; else the usual ones. Written with each run.",
 )
-@click.option(
-    "--trajectory",
-    metavar="FILE|JSON",
-    help=TRAJECTORY_HELP,
-)
+@click.option("--trajectory", metavar="FILE|JSON", help=TRAJECTORY_HELP)
 @click.option("--runs", default=1, show_default=True, type=click.IntRange(1, 100), help="Of --trajectory.")
 @click.option("--phase", help="Phase of that run: on_air, contact, motor_bench or free.")
 @click.option("--cable", type=click.Choice(CABLES), help="Cable of that run.")
@@ -75,9 +71,7 @@ FORCE = Within(min=0.05, max=50.0)
 @click.option("--operator", help="Who records.")
 @click.option("--notes", help="Notes on the session.")
 @click.option(
-    "--set-position",
-    type=float,
-    help="°, the pulley where it stands at first; else as the rig file, or 0.",
+    "--set-position", type=float, help="°, the pulley where it stands at first; else as the rig file, or 0."
 )
 @click.option("--set-mcp", type=float, help="°, the MCP joint at rest; else as rig file or calibration say.")
 @click.option("--set-pip", type=float, help="°, the PIP joint, in the same way.")

@@ -411,10 +411,6 @@ def _rig_table(rig: Rig, stored: str) -> Table:
             origin = "session" if spec.name in (given.get(name) or {}) else "not in the session: default"
             tolerance = rig.tolerance_words(spec.name)
             table.add_row(
-                spec.name.replace("_", " "),
-                f"{value:.5g}",
-                unit,
-                tolerance,
-                sources.get(spec.name, origin),
+                spec.name.replace("_", " "), f"{value:.5g}", unit, tolerance, sources.get(spec.name, origin)
             )
     return table

@@ -166,10 +166,7 @@ class LiveModel:
             return Modelled(np.full(count, NAN), np.full(count, NAN))
         modelled = self._solve(whole, whole.part(self.delay, len(whole.mcp) - self.delay))
         lead = np.full(count - inside, NAN)  # nothing can be said before the first window is full
-        return Modelled(
-            np.concatenate((lead, modelled.torque)),
-            np.concatenate((lead, modelled.force)),
-        )
+        return Modelled(np.concatenate((lead, modelled.torque)), np.concatenate((lead, modelled.force)))
 
     def _solve(self, whole: Measured, middle: Measured) -> Modelled:
         motion = JointMotion(

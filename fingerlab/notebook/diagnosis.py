@@ -200,10 +200,7 @@ def catalogue() -> Catalogue:
 
 
 def diagnose(
-    *sessions: SessionSource,
-    added: Sequence[str] = (),
-    curves: bool = True,
-    progress: Progress | None = None,
+    *sessions: SessionSource, added: Sequence[str] = (), curves: bool = True, progress: Progress | None = None
 ) -> DiagnosisView:
     """Where the model fails on these sessions together, and which effect is missing.
 

@@ -14,14 +14,7 @@ from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress
 from fingerlab.core.text import screen_unit
 from fingerlab.notebook.diagnosis import DiagnosisView, diagnose
-from fingerlab.notebook.model import (
-    Displayable,
-    Displayed,
-    ModelView,
-    ShownTable,
-    effect_ids,
-    fit,
-)
+from fingerlab.notebook.model import Displayable, Displayed, ModelView, ShownTable, effect_ids, fit
 from fingerlab.sessions.model import Run, Session
 from fingerlab.sessions.reading import open_session
 

@@ -7,11 +7,7 @@ from math import exp
 
 from fingerlab.core.text import in_sentence as in_sentence
 from fingerlab.core.text import listed as listed
-from fingerlab.core.text import (
-    percent,
-    score_text,
-    significant,
-)
+from fingerlab.core.text import percent, score_text, significant
 from fingerlab.diagnosis.answer.results import Candidate, Diagnosis, Failure, OtherModel
 from fingerlab.diagnosis.score.calibration import Verdict
 from fingerlab.diagnosis.settings import LACK_OF_FIT

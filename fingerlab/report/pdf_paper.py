@@ -70,10 +70,7 @@ class PdfPaper(FPDF):
         self.set_margins(MARGIN, MARGIN)
         self.set_auto_page_break(True, margin=FOOT + 4.0)
         folder = Path(mpl.get_data_path()) / "fonts" / "ttf"
-        for name, style, file in (
-            ("text", "", "DejaVuSans.ttf"),
-            ("text", "B", "DejaVuSans-Bold.ttf"),
-        ):
+        for name, style, file in (("text", "", "DejaVuSans.ttf"), ("text", "B", "DejaVuSans-Bold.ttf")):
             self.add_font(name, style, folder / file)
         self.add_page()
 

@@ -10,12 +10,7 @@ if TYPE_CHECKING:
     from fingerlab.sessions.disk_files import content_hash, file_hash, refuse_twice
     from fingerlab.sessions.exporting import copy_session
     from fingerlab.sessions.model import Run, Session
-    from fingerlab.sessions.reading import (
-        CheckReport,
-        Finding,
-        check_session,
-        open_session,
-    )
+    from fingerlab.sessions.reading import CheckReport, Finding, check_session, open_session
     from fingerlab.sessions.writing import SessionWriter
 
 __all__ = [

@@ -501,13 +501,7 @@ def _find_header(table: Table, channel: str, wanted: str) -> int:
 
 
 def _column(
-    channel: str,
-    index: int,
-    unit: str | None,
-    scale: float,
-    source: str,
-    table: Table,
-    axis: Axis | None,
+    channel: str, index: int, unit: str | None, scale: float, source: str, table: Table, axis: Axis | None
 ) -> Column:
     target = CHANNEL_UNITS.get(channel)
     if target is None:

@@ -120,10 +120,7 @@ def cable_path(plant: Record, q1: float, q2: float, at: Pose) -> float:
 @compiled
 def moment_arms(plant: Record, at: Pose) -> tuple[float, float]:
     """Moment arms (m) at the present angles: the slopes of ``cable_path``."""
-    return (
-        plant.arm_1 * (1.0 + plant.arm_slope_1 * at[1]),
-        plant.arm_2 * (1.0 + plant.arm_slope_2 * at[3]),
-    )
+    return (plant.arm_1 * (1.0 + plant.arm_slope_1 * at[1]), plant.arm_2 * (1.0 + plant.arm_slope_2 * at[3]))
 
 
 @compiled

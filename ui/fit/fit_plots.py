@@ -7,13 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pyqtgraph as pg
 
-from fingerlab.core.text import (
-    DEGREE_A_SECOND,
-    DEGREES,
-    MILLI_NEWTON_METRE,
-    ScreenUnit,
-    r2_text,
-)
+from fingerlab.core.text import DEGREE_A_SECOND, DEGREES, MILLI_NEWTON_METRE, ScreenUnit, r2_text
 from fingerlab.signals.periods import REGION_TITLES
 from fingerlab.thesis.inspection import FitView, Plane
 from fingerlab.thesis.traces import JOINT_TITLES, Joint
@@ -117,12 +111,7 @@ class PlanePlot(QuietPlot):
         lhs, on_line, half = 1e3 * shown.lhs, 1e3 * shown.line, 1e3 * shown.half
         colours = colours_of(self)
         points = pg.ScatterPlotItem(
-            shown.tension,
-            lhs,
-            size=3,
-            pen=pg.mkPen(None),
-            brush=tint(colours.measured, 0.35),
-            name="samples",
+            shown.tension, lhs, size=3, pen=pg.mkPen(None), brush=tint(colours.measured, 0.35), name="samples"
         )
         plot.addItem(points)
         self.draw_band(shown.x, on_line, half, tint(colours.modelled, 0.3))

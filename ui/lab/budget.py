@@ -12,12 +12,7 @@ from PySide6.QtWidgets import QComboBox, QDialog, QDialogButtonBox, QHeaderView,
 
 from fingerlab.core.text import fixed, with_minus
 from fingerlab.diagnosis.answer.results import Diagnosis
-from fingerlab.report.budget_words import (
-    BudgetLine,
-    budget_lines,
-    main_family,
-    mending_sentence,
-)
+from fingerlab.report.budget_words import BudgetLine, budget_lines, main_family, mending_sentence
 from fingerlab.report.diagnosis_words import FAMILY_TITLES, in_sentence
 from fingerlab.report.recording_words import run_proposed
 

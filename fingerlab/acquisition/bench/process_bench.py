@@ -44,11 +44,7 @@ class InlineBench(Bench):
     """A bench stepped by hand; see :class:`Bench`."""
 
     def __init__(
-        self,
-        device: Device,
-        settings: LoopSettings,
-        rescue: Path,
-        clock: Callable[[], float] | None = None,
+        self, device: Device, settings: LoopSettings, rescue: Path, clock: Callable[[], float] | None = None
     ) -> None:
         """Open the device.
 

@@ -24,12 +24,7 @@ from fingerlab.acquisition.control.motion import (
     slowed,
 )
 from fingerlab.acquisition.control.safety import Bounds, Reading, Watchdog
-from fingerlab.acquisition.control.trajectories import (
-    MOST_FORCE,
-    MOST_POSITION,
-    Trajectory,
-    read_trajectory,
-)
+from fingerlab.acquisition.control.trajectories import MOST_FORCE, MOST_POSITION, Trajectory, read_trajectory
 from fingerlab.acquisition.control.units import BenchUnits
 from fingerlab.acquisition.status import Number, SharedStatus, Slot, Text
 from fingerlab.core.errors import UserError

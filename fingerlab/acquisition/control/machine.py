@@ -253,14 +253,7 @@ class Event(IntEnum):
     FORGET = 14
 
 
-_I, _S, _E, _R, _P, _F = (
-    Mode.IDLE,
-    Mode.INITIALISED,
-    Mode.ENABLED,
-    Mode.RUNNING,
-    Mode.STOPPING,
-    Mode.FAULT,
-)
+_I, _S, _E, _R, _P, _F = (Mode.IDLE, Mode.INITIALISED, Mode.ENABLED, Mode.RUNNING, Mode.STOPPING, Mode.FAULT)
 
 TRANSITIONS: dict[tuple[Mode, Event], Mode] = {
     (_I, Event.INITIALISE): _S,
