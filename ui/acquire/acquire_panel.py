@@ -36,7 +36,7 @@ from ..widgets.fields import (
     set_shown,
     set_usable,
 )
-from ..widgets.layout import FLUSH, Pages, described, hbox, vbox
+from ..widgets.layout import FLUSH, Pages, Spacer, described, hbox, vbox
 from ..widgets.tables import ElidedLabel, heading, remark
 from .bench_controller import BenchController
 from .bench_setup import LOADED_PHASE, cable_refusal
@@ -120,15 +120,8 @@ class AcquirePanel(QWidget):
         self._make_bench(actions)
         self._make_motion(actions)
         self._make_recording(actions)
-        layout = vbox(self, margins=(8, 2, 8, 0), spacing=3)
-        for part in (self._bench, self._motion, self._record):
-            for entry in part:
-                if isinstance(entry, QWidget):
-                    layout.addWidget(entry)
-                else:
-                    layout.addLayout(entry)
-            layout.addSpacing(2)
-        layout.addStretch(1)
+        parts = (*self._bench, 2, *self._motion, 2, *self._record, 2)
+        vbox(self, *parts, Spacer(1), margins=(8, 2, 8, 0), spacing=3)
         self._keep_history()
 
     def _keep_history(self) -> None:
@@ -227,13 +220,7 @@ class AcquirePanel(QWidget):
             (self.protocol, self.run, self.progress, self.left),
         ):
             page = QWidget()
-            layout = vbox(page, margins=FLUSH, spacing=4)
-            for entry in entries:
-                if isinstance(entry, QWidget):
-                    layout.addWidget(entry)
-                else:
-                    layout.addLayout(entry)
-            layout.addStretch(1)
+            vbox(page, *entries, Spacer(1), margins=FLUSH, spacing=4)
             self.pages.add(page)
         self._motion: tuple[QWidget | QHBoxLayout, ...] = (
             hbox(None, heading("Motion"), 8, (self.by_hand, 1), (self.by_protocol, 1), spacing=8),

@@ -50,15 +50,6 @@ def largest(values: Array) -> float:
     return float(np.abs(finite).max()) if len(finite) else 0.0
 
 
-def limits(values: Array) -> tuple[float, float]:
-    finite = values[np.isfinite(values)]
-    if not len(finite):
-        return -1.0, 1.0
-    low, high = float(finite.min()), float(finite.max())
-    margin = MARGIN * (high - low) or abs(high) or 1.0
-    return low - margin, high + margin
-
-
 def values_at(shown: ScaledComparison, index: int) -> tuple[str, ...]:
     """What is read at a sample, in wordings of which each is shorter."""
     at = float(shown.time[index])

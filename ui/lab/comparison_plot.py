@@ -28,6 +28,7 @@ from ..widgets.plots import (
     label_left,
     move_by_key,
     prepare_plot,
+    span_of,
 )
 from ..widgets.theme import colours_of, line, tint
 from .comparison_bar import WEIGHED_TINT
@@ -38,7 +39,6 @@ from .comparison_curves import (
     describe,
     ends,
     largest,
-    limits,
     scaled,
     stretches_of,
     values_at,
@@ -175,7 +175,7 @@ class ComparisonPlot(pg.GraphicsLayoutWidget):
         self.floor_band.setRegion((-floor, floor))
         self._label_axes()
         if not keep_view:
-            self.top.setYRange(*limits(np.concatenate([shown.measured, shown.modelled])), padding=0)
+            self.top.setYRange(*span_of(np.concatenate([shown.measured, shown.modelled]), MARGIN), padding=0)
         # The residual's own axis follows it: what is left after an effect was added is seen, not a flat line.
         height = max(largest(shown.residual), 2.0 * floor) * (1 + MARGIN)
         self.bottom.setYRange(-height, height, padding=0)
@@ -221,7 +221,9 @@ class ComparisonPlot(pg.GraphicsLayoutWidget):
         left, right = self.top.viewRange()[0]
         seen = (shown.time >= left) & (shown.time <= right)
         floor = shown.comparison.floor * shown.residual_unit.factor
-        self.top.setYRange(*limits(np.concatenate([shown.measured[seen], shown.modelled[seen]])), padding=0)
+        self.top.setYRange(
+            *span_of(np.concatenate([shown.measured[seen], shown.modelled[seen]]), MARGIN), padding=0
+        )
         height = max(largest(shown.residual[seen]), 1.2 * floor) * (1 + MARGIN)
         self.bottom.setYRange(-height, height, padding=0)
 

@@ -299,13 +299,7 @@ def form_menu(button: QPushButton | QToolButton, form: QWidget) -> QMenu:
 
 def row(*widgets: QWidget | QLayout) -> QHBoxLayout:
     """Side by side, equal in width."""
-    layout = hbox(None, margins=FLUSH, spacing=8)
-    for widget in widgets:
-        if isinstance(widget, QLayout):
-            layout.addLayout(widget, 1)
-        else:
-            layout.addWidget(widget, 1)
-    return layout
+    return hbox(None, *((widget, 1) for widget in widgets), margins=FLUSH, spacing=8)
 
 
 def centred_column(page: QWidget, width: int) -> QVBoxLayout:
@@ -313,10 +307,8 @@ def centred_column(page: QWidget, width: int) -> QVBoxLayout:
     column = QWidget()
     column.setMaximumWidth(width)
     inner = vbox(column, spacing=16)
-    across = hbox(None, Spacer(1))
-    across.addWidget(column, 100)  # takes all up to its widest, so that its text gets the height it needs
-    across.addStretch(1)
-    vbox(page, Spacer(2), across, Spacer(3))
+    # The column takes all up to its widest, so that its text gets the height it needs.
+    vbox(page, Spacer(2), hbox(None, Spacer(1), (column, 100), Spacer(1)), Spacer(3))
     return inner
 
 

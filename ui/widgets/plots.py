@@ -339,14 +339,14 @@ def plain_curve(x: np.ndarray[Any, Any], y: np.ndarray[Any, Any], pen: Any, name
     return pg.PlotCurveItem(x, y, pen=pen, name=name, connect="finite", antialias=True)
 
 
-def span_of(values: np.ndarray[Any, Any]) -> tuple[float, float]:
-    """Limits with a margin around the finite values."""
+def span_of(values: np.ndarray[Any, Any], margin: float = MARGIN) -> tuple[float, float]:
+    """Limits around the finite values, with a margin that is a share of their range."""
     finite = values[np.isfinite(values)]
     if not len(finite):
         return -1.0, 1.0
     low, high = float(finite.min()), float(finite.max())
-    margin = MARGIN * (high - low) or abs(high) or 1.0
-    return low - margin, high + margin
+    room = margin * (high - low) or abs(high) or 1.0
+    return low - room, high + room
 
 
 HELP = (
