@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -50,7 +50,9 @@ from fingerlab.prediction.extended import EQUATION_WORDS, Equation, ExtendedMode
 from fingerlab.prediction.inverse import TorquePlan, needed_torque, plan_json, predictors
 from fingerlab.prediction.predict import ExtendedPrediction, RunPrediction, interval_over, spread_over
 from fingerlab.prediction.target import ContactPose, pose_by_hand, pose_of_run, wanted_force, words_of
+from fingerlab.prediction.trial import CAUSES, Trial, analyse_trial, trial_json
 from fingerlab.report.diagnosis_words import effect_title, in_sentence
+from fingerlab.report.trial import result_sentences, trial_row
 from fingerlab.sessions import Session, content_hash, open_session
 from fingerlab.signals.periods import REGION_TITLES
 from fingerlab.thesis.contact import ContactRun, SessionPrediction, parameter_sets, predict_session
@@ -61,10 +63,6 @@ from fingerlab.thesis.traces import JOINT_TITLES
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
-
-
-from fingerlab.prediction.trial import CAUSES, Trial, analyse_trial, trial_json
-from fingerlab.report.trial import result_sentences, trial_row
 
 NUMBERS = ("r2", "normalised_r2", "peak_measured", "peak_modelled", "share", "rmse")
 """Numbers of each run and their means over the runs, in the JSON."""
@@ -133,7 +131,9 @@ def _predict_by_region(
         from fingerlab.report.force_figures import prediction_figures
 
         drawn = (prediction_figures(result), figures)
-    write_results(_json_by_region(session, model, result), json_target, None, drawn)
+    sweep = [{"angle_deg": s.angle_deg, "peak": s.peak, "r2": s.r2} for s in result.sweep]
+    told = _json(session, model, _regions_json(result), result.sweep_set, sweep)
+    write_results(told, json_target, None, drawn)
 
 
 def _origin(session: Session, model: SavedModel | ExtendedModel) -> tuple[bool, str]:
@@ -197,35 +197,23 @@ def _region_table(title: str, numbers: Sequence[str]) -> Table:
     return result_table(*columns, no_wrap=True, title=title, padding=(0, 1, 0, 0))
 
 
-def _json_by_region(session: Session, model: SavedModel, result: SessionPrediction) -> Any:
-    """The JSON of ``predict``: SI units, null where there is no number."""
-    return json_ready(
+def _regions_json(result: SessionPrediction) -> list[dict[str, Any]]:
+    return [
         {
-            "schema": 1,
-            "session": str(session.path),
-            "model": _model_json(model),
-            "predictions": [
-                {
-                    "parameters": name,
-                    "equation": f"endpoint_force_{given.joint}",
-                    "cable": given.cable,
-                    **{key: _over_runs(result.runs, name, key).mean for key in NUMBERS},
-                    "error_by_phase": {p: _phase_error(result.runs, name, p).mean for p in FORCE_PHASES},
-                    "by_run": [
-                        {"run": run.name}
-                        | {key: getattr(run.predictions[name], key) for key in NUMBERS}
-                        | {"error_by_phase": dict(run.predictions[name].error_by_phase)}
-                        for run in result.runs
-                    ],
-                }
-                for name, given in result.sets.items()
+            "parameters": name,
+            "equation": f"endpoint_force_{given.joint}",
+            "cable": given.cable,
+            **{key: _over_runs(result.runs, name, key).mean for key in NUMBERS},
+            "error_by_phase": {p: _phase_error(result.runs, name, p).mean for p in FORCE_PHASES},
+            "by_run": [
+                {"run": run.name}
+                | {key: getattr(run.predictions[name], key) for key in NUMBERS}
+                | {"error_by_phase": dict(run.predictions[name].error_by_phase)}
+                for run in result.runs
             ],
-            "contact_angle_sweep": {
-                "parameters": result.sweep_set,
-                "steps": [{"angle_deg": s.angle_deg, "peak": s.peak, "r2": s.r2} for s in result.sweep],
-            },
         }
-    )
+        for name, given in result.sets.items()
+    ]
 
 
 def _predict_with_effects(
@@ -242,7 +230,8 @@ def _predict_with_effects(
         from fingerlab.report.force_figures import extended_figures
 
         drawn = (extended_figures(result), figures)
-    write_results(_json_with_effects(session, model, result), json_target, None, drawn)
+    told = [_prediction_json(name, one, runs) for name, runs in result.runs.items() for one in EQUATIONS]
+    write_results(_json(session, model, told), json_target, None, drawn)
 
 
 def _print_with_effects(session: Session, model: ExtendedModel, result: ExtendedPrediction) -> None:
@@ -292,23 +281,6 @@ def _print_intervals(console: Console, result: ExtendedPrediction) -> None:
         console.print(f"{100 * LEVEL:.0f} % interval, {name} model: {sentence}.", soft_wrap=True)
 
 
-def _json_with_effects(session: Session, model: SavedModel, result: ExtendedPrediction) -> Any:
-    """The JSON of ``predict``: SI units, null where there is no number."""
-    return json_ready(
-        {
-            "schema": 1,
-            "session": str(session.path),
-            "model": _model_json(model),
-            "predictions": [
-                _prediction_json(name, equation, runs)
-                for name, runs in result.runs.items()
-                for equation in EQUATIONS
-            ],
-            "contact_angle_sweep": {"parameters": None, "steps": []},
-        }
-    )
-
-
 def _prediction_json(name: str, equation: Equation, runs: Sequence[RunPrediction]) -> dict[str, Any]:
     phases = {
         p: Spread(tuple(run.numbers[equation].error_by_phase[p] for run in runs)).mean for p in FORCE_PHASES
@@ -335,12 +307,21 @@ def _run_json(run: RunPrediction, equation: Equation) -> dict[str, Any]:
     return data
 
 
-def _model_json(model: SavedModel) -> dict[str, Any]:
-    data: dict[str, Any] = {"method": model.method}
+def _json(
+    session: Session,
+    model: SavedModel,
+    predictions: Sequence[Mapping[str, Any]],
+    swept: str | None = None,
+    steps: Sequence[Mapping[str, Any]] = (),
+) -> Any:
+    """The JSON of ``predict``: SI units, null where there is no number."""
+    about: dict[str, Any] = {"method": model.method}
     if model.method == DIAGNOSIS_METHOD:
-        data["effects"] = list(model.effects)
-    sessions = [vars(s) for s in model.sessions]
-    return data | {"sessions": sessions, "sign_convention": model.sign_convention}
+        about["effects"] = list(model.effects)
+    about |= {"sessions": [vars(s) for s in model.sessions], "sign_convention": model.sign_convention}
+    sweep = {"parameters": swept, "steps": steps}
+    whole = {"schema": 1, "session": str(session.path), "model": about, "predictions": predictions}
+    return json_ready({**whole, "contact_angle_sweep": sweep})
 
 
 def interval_json(runs: Sequence[RunPrediction]) -> dict[str, Any]:
