@@ -12,15 +12,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from PySide6.QtCore import QObject, Qt, Signal
 from PySide6.QtGui import QFont, QFontMetrics, QKeySequence
-from PySide6.QtWidgets import QButtonGroup, QPushButton, QWidget
+from PySide6.QtWidgets import QButtonGroup, QComboBox, QPushButton, QWidget
 
 from ..widgets.layout import described, vbox
 from .context import ApplicationContext
+from .undo import UndoSteps
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -55,6 +57,19 @@ class Command:
 SEPARATOR = Command("")
 
 
+def run_commands(runs: Callable[[], QComboBox], enabled: Callable[[], bool]) -> tuple[Command, Command]:
+    """To the next and to the previous run of a list, which ends at either end."""
+
+    def step(by: int) -> None:
+        box = runs()
+        box.setCurrentIndex(min(max(box.currentIndex() + by, 0), box.count() - 1))
+
+    return (
+        Command("Next run", partial(step, 1), "Alt+Down", enabled),
+        Command("Previous run", partial(step, -1), "Alt+Up", enabled),
+    )
+
+
 class Tab(QObject):
     """One tab of the window.
 
@@ -63,11 +78,13 @@ class Tab(QObject):
         header: what stands at the left of the header while the tab is shown, or None; the frame shows the
             state of the rig, what is recorded, and STOP at the right of it.
         commands: entries of the tab's menu.
+        history: steps of the tab that can be taken back; None where it has none, or tells itself.
     """
 
     widget: QWidget
     header: QWidget | None = None
     commands: Sequence[Command] = ()
+    history: UndoSteps[Any] | None = None
 
     def __init__(self, context: ApplicationContext) -> None:
         super().__init__(context)
@@ -101,11 +118,11 @@ class Tab(QObject):
 
     @property
     def can_undo(self) -> bool:
-        return False
+        return self.history is not None and self.history.can_undo
 
     @property
     def can_redo(self) -> bool:
-        return False
+        return self.history is not None and self.history.can_redo
 
     def can_close(self) -> bool:
         """Asked before the window closes; ask the user here, and answer False to stay open."""

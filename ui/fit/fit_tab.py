@@ -16,7 +16,7 @@ from fingerlab.thesis.inspection import Inspection, inspect_session
 from fingerlab.thesis.traces import Delay, FitSpec, Method
 
 from ..app.context import ApplicationContext
-from ..app.tab_registry import SEPARATOR, Command, Tab
+from ..app.tab_registry import SEPARATOR, Command, Tab, run_commands
 from ..app.worker import IsCancelled, Progress
 from ..widgets.layout import described, hbox, vbox
 from ..widgets.tables import EmptyPage, header_name, heading, remark
@@ -157,8 +157,7 @@ class FitTab(Tab):
         context.tasks.ended.connect(lambda _how: self._on_started(""))
         self.commands = (
             Command("&Analyse the runs on air", self.analyse, "Ctrl+Return", lambda: bool(self.sessions)),
-            Command("Next run", lambda: self._step(1), "Alt+Down", lambda: self.found is not None),
-            Command("Previous run", lambda: self._step(-1), "Alt+Up", lambda: self.found is not None),
+            *run_commands(lambda: self.panel.run, lambda: self.found is not None),
             Command("&Save model file…", self.save, "Ctrl+S", lambda: self.found is not None),
             SEPARATOR,
             Command("The &thesis' experiment again…", self.show_replicate),
@@ -236,10 +235,6 @@ class FitTab(Tab):
         self._under_way = title if title.startswith(FITTING) else ""
         if self.found is None:
             self._refresh()
-
-    def _step(self, by: int) -> None:
-        box = self.panel.run
-        box.setCurrentIndex(min(max(box.currentIndex() + by, 0), box.count() - 1))
 
     def _refresh(self) -> None:
         found, opened = self.found, bool(self.sessions)

@@ -363,12 +363,6 @@ class ComparisonBar(QWidget):
         if self._buttons[equation].isVisibleTo(self):
             self._buttons[equation].click()
 
-    def step_run(self, step: int) -> None:
-        """The next (1) or previous (-1) run."""
-        row = self.runs.currentIndex() + step
-        if 0 <= row < self.runs.count():
-            self.runs.setCurrentIndex(row)
-
     def _fill_runs(self, equation: str, key: str | None) -> None:
         many = len({comparison.session for comparison in self._comparisons.values()}) > 1
         self.runs.blockSignals(True)

@@ -14,7 +14,7 @@ from fingerlab.core.errors import UserError
 from fingerlab.diagnosis.answer.error_parts import EQUATIONS
 
 from ..app.context import ApplicationContext
-from ..app.tab_registry import SEPARATOR, Command, Tab
+from ..app.tab_registry import SEPARATOR, Command, Tab, run_commands
 from ..app.worker import IsCancelled, Progress
 from ..widgets.layout import OnePage
 from . import practice, validation
@@ -127,8 +127,7 @@ class ModelLabTab(Tab):
             SEPARATOR,
             *equations,
             SEPARATOR,
-            Command("Next run", lambda: self.view.bar.step_run(1), "Alt+Down", compared),
-            Command("Previous run", lambda: self.view.bar.step_run(-1), "Alt+Up", compared),
+            *run_commands(lambda: self.view.bar.runs, compared),
             Command("What the &error is made of…", lambda: self.view.show_score_parts(), "F7", compared),
             Command("What would &mend the error…", lambda: self.view.show_budget(), "Shift+F7", compared),
             Command("&Draft a law for what is missing…", self.draft_a_law, None, compared),

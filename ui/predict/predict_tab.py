@@ -14,7 +14,7 @@ from fingerlab.core.errors import UserError
 from fingerlab.models.file import DIAGNOSIS_METHOD, SavedModel, load_model
 
 from ..app.context import ApplicationContext
-from ..app.tab_registry import Command, Tab
+from ..app.tab_registry import Command, Tab, run_commands
 from ..app.undo import UndoSteps
 from ..app.worker import IsCancelled, Progress
 from ..widgets.fields import ViewChoice
@@ -53,6 +53,8 @@ WAITS = "A session with contact runs is needed to predict with {files}."
 class PredictTab(Tab):
     """Asks :func:`predict_beside` and shows what comes back."""
 
+    history: UndoSteps[tuple[dict[str, SavedModel], ModelForces | None]]
+
     def __init__(self, context: ApplicationContext) -> None:
         super().__init__(context)
         self.sessions: tuple[Session, ...] = ()
@@ -60,7 +62,7 @@ class PredictTab(Tab):
         self.found: ModelForces | None = None
         self._compared: ModelsDialog | None = None
         self._due = self._shown = False
-        self._steps: UndoSteps[tuple[dict[str, SavedModel], ModelForces | None]] = UndoSteps(self)
+        self.history = UndoSteps(self)
         self._given: tuple[object, object] = ((), ())
         self.panel = PredictPanel()
         self.force, self.period, self.sweep = ForcePlot(), PeriodPlot(), SweepPlot()
@@ -81,8 +83,7 @@ class PredictTab(Tab):
         self.commands = (
             Command("&Add model files…", self.ask_and_add, "Ctrl+M"),
             Command("Com&pare on runs left out…", self.compare, None, self._comparable),
-            Command("Next run", lambda: self._step(1), "Alt+Down", lambda: self.found is not None),
-            Command("Previous run", lambda: self._step(-1), "Alt+Up", lambda: self.found is not None),
+            *run_commands(lambda: self.panel.run, lambda: self.found is not None),
             Command("&Measured force", lambda: self.views.choose("measured"), "Alt+1"),
             Command("&Wanted force", lambda: self.views.choose("wanted"), "Alt+2"),
             Command("Whole run", self.force.show_whole, "Alt+Home", lambda: self.found is not None),
@@ -136,7 +137,7 @@ class PredictTab(Tab):
 
     def on_session_opened(self, sessions: tuple[Session, ...]) -> None:
         self.sessions, self.found = sessions, None
-        self._steps.forget()  # they are of another session
+        self.history.forget()  # they are of another session
         self._due = bool(sessions and self.models)
         self._refresh()
         if self._due and self._shown:
@@ -170,25 +171,17 @@ class PredictTab(Tab):
     def undo(self) -> None:
         """The models as they were before one was added or removed."""
         if self.can_undo:
-            self.models, self.found = self._steps.back((self.models, self.found))
+            self.models, self.found = self.history.back((self.models, self.found))
             self._refresh()
 
     def redo(self) -> None:
         if self.can_redo:
-            self.models, self.found = self._steps.forth((self.models, self.found))
+            self.models, self.found = self.history.forth((self.models, self.found))
             self._refresh()
-
-    @property
-    def can_undo(self) -> bool:
-        return self._steps.can_undo
-
-    @property
-    def can_redo(self) -> bool:
-        return self._steps.can_redo
 
     def _note(self) -> None:
         """Other models are about to be there."""
-        self._steps.add((dict(self.models), self.found))
+        self.history.add((dict(self.models), self.found))
 
     def remove(self, file: str) -> None:
         """Take a model off the list; what the others predict is kept."""
@@ -259,10 +252,6 @@ class PredictTab(Tab):
         self._compared.raise_()
 
     # what is shown
-
-    def _step(self, by: int) -> None:
-        box = self.panel.run
-        box.setCurrentIndex(min(max(box.currentIndex() + by, 0), box.count() - 1))
 
     def _refresh(self) -> None:
         found, opened = self.found, bool(self.sessions)

@@ -163,12 +163,6 @@ class ReviewPage(QWidget):
         run = self.run
         return started_at(self.session, run) if self.session is not None and run is not None else None
 
-    def step_run(self, step: int) -> None:
-        """The next (1) or previous (-1) run."""
-        row = self.runs.currentIndex() + step
-        if 0 <= row < self.runs.count():
-            self.runs.setCurrentIndex(row)
-
     def _on_run(self) -> None:
         for button in (self.strokes, self.cursors):
             button.setChecked(False)

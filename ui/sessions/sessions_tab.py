@@ -19,7 +19,7 @@ from fingerlab.sessions.model import Session
 
 from ..app.bars import time_left
 from ..app.context import ApplicationContext, read_session
-from ..app.tab_registry import SEPARATOR, Command, Tab
+from ..app.tab_registry import SEPARATOR, Command, Tab, run_commands
 from ..app.worker import Failed, IsCancelled, Progress, Worker
 from ..widgets.tables import header_name
 from .import_dialog import TABLE_ENDINGS
@@ -75,6 +75,8 @@ SESSION_FILTER = "Session files (*.h5 *.hdf5);;All files (*)"
 
 class SessionsTab(Tab):
     """Composes the tab."""
+
+    history: EditHistory
 
     def __init__(self, context: ApplicationContext) -> None:
         super().__init__(context)
@@ -181,8 +183,7 @@ class SessionsTab(Tab):
             Command("Cop&y with tags and notes in the file…", self.copy_with_note, None, self._one),
             SEPARATOR,
             Command("&All sessions", self.show_table, "Alt+Left", self._reviewing),
-            Command("Next run", lambda: self.review_page.step_run(1), "Alt+Down", self._reviewing),
-            Command("Previous run", lambda: self.review_page.step_run(-1), "Alt+Up", self._reviewing),
+            *run_commands(lambda: self.review_page.runs, self._reviewing),
             Command("Whole run", lambda: self.review_page.plots.show_whole(), "Alt+Home", self._reviewing),
             Command("Cu&t between the cursors…", self.cut, "Ctrl+T", self._can_cut),
             Command(
@@ -238,14 +239,6 @@ class SessionsTab(Tab):
     def redo(self) -> None:
         self.page.details.flush()
         self._step(self.history.redo, "Done again")
-
-    @property
-    def can_undo(self) -> bool:
-        return self.history.can_undo
-
-    @property
-    def can_redo(self) -> bool:
-        return self.history.can_redo
 
     def _step(self, step: Callable[[], str], word: str) -> None:
         self.context.hush()
