@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
+from typing import Protocol
 
 from fingerlab.acquisition.bench.steering import LoopSettings
 from fingerlab.acquisition.control.machine import Command, Mode
@@ -73,28 +74,21 @@ class Status:
     usable: bool = True
 
 
-class RecorderClient(ABC):
+class RecorderClient(Protocol):
     """What may be asked of the recorder. Every method raises UserError with one sentence."""
 
-    @abstractmethod
     def open(self, info: SessionInfo) -> None: ...
 
-    @abstractmethod
     def begin(self, run: RunInfo) -> None: ...
 
-    @abstractmethod
     def pause(self, on: bool) -> None: ...
 
-    @abstractmethod
     def mark(self, note: str, index: int | None = None) -> None: ...
 
-    @abstractmethod
     def end(self, stop: int | None = None) -> None: ...
 
-    @abstractmethod
     def cut(self, note: str) -> None: ...
 
-    @abstractmethod
     def close(self, progress: Progress | None = None) -> Path:
         """Write the session whole, verify it, and give it its name.
 

@@ -60,8 +60,7 @@ class InlineBench(Bench):
         self.device = device
         settings = replace(settings, watch_window=False, watch_recorder=False, watch_guardian=False)
         self.loop = ControlLoop(device, settings, self.ring, self.board, clock)
-        self._recorder = Recorder(self.ring, self.board, rescue)
-        self.recorder = LocalRecorder(self._recorder)
+        self.recorder: Recorder = Recorder(self.ring, self.board, rescue)
         self._number = self._cycles = 0
         try:
             self.loop.open()
@@ -77,7 +76,7 @@ class InlineBench(Bench):
             self.loop.cycle()
             self._cycles += 1
             if self._cycles % POLL_CYCLES == 0:
-                self._recorder.poll()
+                self.recorder.poll()
 
     def stop(self) -> None:
         """The latched stop; nobody else lets the loop's next cycle come, so it is done here."""
@@ -101,36 +100,8 @@ class InlineBench(Bench):
     def close(self) -> None:
         if not self.loop.ended or not self.board[Slot.LOOP_ENDED]:
             self.loop.close()
-        if self._recorder.recording:
-            self._recorder.cut("The bench was closed while it recorded.")
-
-
-class LocalRecorder(RecorderClient):
-    """The recorder of the same process."""
-
-    def __init__(self, recorder: Recorder) -> None:
-        self._recorder = recorder
-
-    def open(self, info: SessionInfo) -> None:
-        self._recorder.open(info)
-
-    def begin(self, run: RunInfo) -> None:
-        self._recorder.begin(run)
-
-    def pause(self, on: bool) -> None:
-        self._recorder.pause(on)
-
-    def mark(self, note: str, index: int | None = None) -> None:
-        self._recorder.mark(note, index)
-
-    def end(self, stop: int | None = None) -> None:
-        self._recorder.end(stop)
-
-    def cut(self, note: str) -> None:
-        self._recorder.cut(note)
-
-    def close(self, progress: Progress | None = None) -> Path:
-        return self._recorder.close(progress)
+        if self.recorder.recording:
+            self.recorder.cut("The bench was closed while it recorded.")
 
 
 RING_S = 240.0
