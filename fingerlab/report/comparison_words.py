@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from fingerlab.core.plain_data import json_ready
 from fingerlab.core.progress import SILENT, Watch
@@ -21,9 +21,6 @@ from fingerlab.sessions.trajectory import trajectory_words
 from fingerlab.signals.run_pairs import COMPARED, RunPair, SessionPair
 from fingerlab.thesis.analysis import PUBLISHED, Published, PublishedQuantity, thesis_analysis
 from fingerlab.thesis.onair import Spread
-
-if TYPE_CHECKING:
-    pass
 
 NOTABLE = 3.0
 """A difference of so many times the scatter of a cycle stands out (assumed)."""

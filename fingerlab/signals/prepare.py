@@ -93,7 +93,7 @@ class Signals:
     """Filtered signals of one run; every array has shape (n,) and SI units, None where not recorded.
 
     Attributes:
-        time: s. motor_position, motor_velocity, motor_acceleration: rad, rad/s, rad/s^2 at the pulley.
+        time: s. motor_position, motor_acceleration: rad, rad/s^2 at the pulley.
         motor_torque: N m at the gearbox output, as measured (no inertia subtracted).
         mcp, pip: joint angles, rad, flexion positive, with ``_velocity`` and ``_acceleration``.
         force: N, compression positive, NaN where the load cell was not read; None where never.
@@ -107,7 +107,6 @@ class Signals:
     sample_rate_hz: float
     time: Array
     motor_position: Array
-    motor_velocity: Array
     motor_acceleration: Array
     motor_torque: Array
     mcp: Array | None
@@ -150,7 +149,6 @@ def prepare(run: Run, cutoff_hz: float | None = None) -> Signals:
         return velocity, derivative(velocity, rate)
 
     position = filtered["motor_position"]
-    velocity = derivative(position, rate)
     mcp, pip = filtered.get("mcp_angle"), filtered.get("pip_angle")
     mcp_velocity, mcp_acceleration = twice(mcp)
     pip_velocity, pip_acceleration = twice(pip)
@@ -161,8 +159,7 @@ def prepare(run: Run, cutoff_hz: float | None = None) -> Signals:
         sample_rate_hz=rate,
         time=channels["time"],
         motor_position=position,
-        motor_velocity=velocity,
-        motor_acceleration=derivative(velocity, rate),
+        motor_acceleration=derivative(derivative(position, rate), rate),
         motor_torque=filtered["motor_torque"],
         mcp=mcp,
         mcp_velocity=mcp_velocity,

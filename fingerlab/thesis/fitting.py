@@ -15,7 +15,6 @@ from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress
 from fingerlab.core.text import ParameterEstimate
 from fingerlab.models.file import SavedModel, hash_sessions
-from fingerlab.rig.file import Rig
 from fingerlab.sessions.model import Array, Run, Session
 from fingerlab.sessions.trajectory import named_frequency
 from fingerlab.signals.periods import usable
@@ -254,7 +253,7 @@ def fit_motor_bench(session: Session, progress: Progress | None = None) -> Motor
     for number, run in enumerate(runs):
         if progress is not None:
             progress(number / len(runs), f"run {run.name}")
-        part = _sums(run, session.rig)
+        part = _sums(run)
         if part is not None:
             sums.append(part)
     if not sums:
@@ -265,7 +264,7 @@ def fit_motor_bench(session: Session, progress: Progress | None = None) -> Motor
     return _solve(session, sums)
 
 
-def _sums(run: Run, rig: Rig) -> _RunSums | None:
+def _sums(run: Run) -> _RunSums | None:
     signals = prepare(run)
     start, stop = usable(len(signals), signals.sample_rate_hz)
     if stop - start < signals.sample_rate_hz / 2:

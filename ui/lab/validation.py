@@ -245,8 +245,7 @@ def _force_words(history: ModelHistory) -> str:
 
 
 def _button(text: str, name: str, words: str) -> QPushButton:
-    button = described(QPushButton(text), name, tip=words)
-    return button
+    return described(QPushButton(text), name, tip=words)
 
 
 def write_page(

@@ -23,7 +23,7 @@ from fingerlab.sessions.model import Run, Session
 from ..app.bars import time_left
 from ..app.context import ApplicationContext, read_session
 from ..app.undo import UndoSteps
-from ..app.worker import Failed, IsCancelled, Progress, Worker
+from ..app.worker import IsCancelled, Progress, Worker
 from .import_dialog import TABLE_ENDINGS, ImportDialog
 
 if TYPE_CHECKING:
@@ -202,7 +202,7 @@ class BatchControl(QObject):
         self._worker = Worker(self)
         self._began = 0.0
         self._worker.progressed.connect(self._on_progress)
-        self._worker.failed.connect(self._on_failed)
+        self._worker.failed.connect(self.failed)
         self._worker.ended.connect(self._on_ended)
 
     @property
@@ -236,17 +236,11 @@ class BatchControl(QObject):
         left = time_left(share, self.clock() - self._began)
         self.progress_changed.emit(f"Diagnosing: {what}{f', {left}' if left else ''}")
 
-    def _on_failed(self, failed: Failed) -> None:
-        self.failed.emit(failed)
-
     def _on_ended(self, how: str) -> None:
         self.progress_changed.emit("")
         if how == "stopped":
             self.stopped.emit()
 
-
-if TYPE_CHECKING:
-    pass
 
 OWNER = "library"
 SESSION_FILTER = "Session files (*.h5)"
