@@ -239,14 +239,11 @@ def file_hash(path: Path) -> str:
     Raises:
         UserError: the file can no longer be read.
     """
-    digest = hashlib.sha256()
     try:
         with path.open("rb") as file:
-            while block := file.read(1 << 20):
-                digest.update(block)
+            return hashlib.file_digest(file, "sha256").hexdigest()
     except OSError as error:
         raise UserError(f"{path} cannot be read ({error.strerror}); put it back.") from None
-    return digest.hexdigest()
 
 
 def refuse_twice(sessions: Sequence[Session]) -> None:
