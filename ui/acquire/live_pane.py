@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from PySide6.QtCore import QSize, Signal
+from PySide6.QtCore import QSignalBlocker, QSize, Signal
 from PySide6.QtGui import QPainter, QPaintEvent, QResizeEvent
 from PySide6.QtWidgets import QCheckBox, QGridLayout, QLabel, QSizePolicy, QToolButton, QWidget
 
@@ -75,9 +75,8 @@ class ScaleButton(QToolButton):
     def _fill(self) -> None:
         if self._scale.fixed is None:
             for field, value in ((self.low, self._shown[0]), (self.high, self._shown[1])):
-                field.blockSignals(True)
-                field.setValue(value)
-                field.blockSignals(False)
+                with QSignalBlocker(field):
+                    field.setValue(value)
 
     def _changed(self) -> None:
         hand = not self.automatic.isChecked()

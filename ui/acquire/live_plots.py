@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from PySide6.QtCore import Qt, Signal
+from PySide6.QtCore import QSignalBlocker, Qt, Signal
 from PySide6.QtGui import QKeyEvent
 from PySide6.QtWidgets import QScrollBar, QWidget
 
@@ -207,12 +207,13 @@ class LivePlots(QWidget):
     def _show_scroll(self, history: LiveHistory) -> None:
         """The scroll bar's unit is a millisecond; its length, what is kept."""
         wide = round(self.window_s * history.rate_hz)
-        self.scroll_bar.blockSignals(True)
-        self.scroll_bar.setRange(history.first + min(wide, len(history)), max(history.stop, history.first))
-        self.scroll_bar.setPageStep(wide)
-        self.scroll_bar.setSingleStep(max(wide // 20, 1))
-        self.scroll_bar.setValue(self._stop)
-        self.scroll_bar.blockSignals(False)
+        with QSignalBlocker(self.scroll_bar):
+            self.scroll_bar.setRange(
+                history.first + min(wide, len(history)), max(history.stop, history.first)
+            )
+            self.scroll_bar.setPageStep(wide)
+            self.scroll_bar.setSingleStep(max(wide // 20, 1))
+            self.scroll_bar.setValue(self._stop)
 
     def scroll_by(self, share: float) -> None:
         """Hold, and go back (negative) or forward by a share of what is shown."""

@@ -8,7 +8,7 @@ from itertools import groupby
 from typing import Any
 
 import numpy as np
-from PySide6.QtCore import QByteArray, QEvent, QPoint, QRectF, Qt, QUrl
+from PySide6.QtCore import QByteArray, QEvent, QPoint, QRectF, QSignalBlocker, Qt, QUrl
 from PySide6.QtGui import (
     QColor,
     QDesktopServices,
@@ -288,11 +288,10 @@ class Documents(QDialog):
         if word:
             self.view.find_row(word)
         self.back.setEnabled(bool(self._been))
-        self.contents.blockSignals(True)
-        for item in self._items():
-            if item.data(0, Qt.ItemDataRole.UserRole) == page:
-                self.contents.setCurrentItem(item)
-        self.contents.blockSignals(False)
+        with QSignalBlocker(self.contents):
+            for item in self._items():
+                if item.data(0, Qt.ItemDataRole.UserRole) == page:
+                    self.contents.setCurrentItem(item)
 
     def go_back(self) -> None:
         """The page before."""

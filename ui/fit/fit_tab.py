@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, get_args
 
-from PySide6.QtCore import Signal
+from PySide6.QtCore import QSignalBlocker, Signal
 from PySide6.QtWidgets import QComboBox, QFileDialog, QLabel, QPushButton, QStackedWidget, QWidget
 
 from fingerlab.models.file import save_model
@@ -96,11 +96,10 @@ class FitPanel(QWidget):
     def show_runs(self, names: Sequence[str], remarks: str) -> None:
         """Runs of another fit; the one that was shown stays if it is there."""
         before = self.run.currentText()
-        self.run.blockSignals(True)
-        self.run.clear()
-        self.run.addItems(list(names))
-        self.run.setCurrentIndex(max(self.run.findText(before), 0))
-        self.run.blockSignals(False)
+        with QSignalBlocker(self.run):
+            self.run.clear()
+            self.run.addItems(list(names))
+            self.run.setCurrentIndex(max(self.run.findText(before), 0))
         self.remarks.setText(remarks)
 
 

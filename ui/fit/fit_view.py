@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from html import escape
 from typing import TYPE_CHECKING
 
-from PySide6.QtCore import QEvent, Qt, Signal
+from PySide6.QtCore import QEvent, QSignalBlocker, Qt, Signal
 from PySide6.QtWidgets import (
     QAbstractItemView,
     QGridLayout,
@@ -175,20 +175,19 @@ class ParameterTable(NumberTable):
     def show_inspection(self, found: Inspection) -> None:
         """Fill in another fit; the row that was chosen stays if it is there."""
         before = self.key()
-        self.blockSignals(True)
-        self.keys = [(c, j, r) for c, results in found.fit.cables.items() for j, r in results]
-        self.setRowCount(len(self.keys))
-        for row, (cable, joint, region) in enumerate(self.keys):
-            result = found.fit.cables[cable][joint, region]
-            arms = found.kinematic.get(cable, {})
-            kinematic = with_minus(in_words(arms[joint], with_unit=False)) if joint in arms else "–"
-            texts = [cable, JOINT_TITLES[joint], REGION_TITLES[region], *_cells(result, kinematic, found)]
-            for column, text in enumerate(texts):
-                item = QTableWidgetItem(text)
-                if column > 2:
-                    item.setTextAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
-                self.setItem(row, column, item)
-        self.blockSignals(False)
+        with QSignalBlocker(self):
+            self.keys = [(c, j, r) for c, results in found.fit.cables.items() for j, r in results]
+            self.setRowCount(len(self.keys))
+            for row, (cable, joint, region) in enumerate(self.keys):
+                result = found.fit.cables[cable][joint, region]
+                arms = found.kinematic.get(cable, {})
+                kinematic = with_minus(in_words(arms[joint], with_unit=False)) if joint in arms else "–"
+                texts = [cable, JOINT_TITLES[joint], REGION_TITLES[region], *_cells(result, kinematic, found)]
+                for column, text in enumerate(texts):
+                    item = QTableWidgetItem(text)
+                    if column > 2:
+                        item.setTextAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
+                    self.setItem(row, column, item)
         self.choose(before if before in self.keys else _first(self.keys))
 
     def choose(self, key: RowKey | None) -> None:

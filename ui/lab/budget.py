@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pyqtgraph as pg
-from PySide6.QtCore import Qt
+from PySide6.QtCore import QSignalBlocker, Qt
 from PySide6.QtWidgets import QComboBox, QDialog, QDialogButtonBox, QHeaderView, QLabel, QWidget
 
 from fingerlab.core.text import fixed, with_minus
@@ -151,14 +151,13 @@ class BudgetDialog(QDialog):
         known = bool(self._budgets)
         self.words.setText(mending_sentence(diagnosis) or "It is not known what these errors are made of.")
         wanted = str(self.family.currentData() or "")
-        self.family.blockSignals(True)
-        self.family.clear()
-        for name in self._budgets:
-            self.family.addItem(in_sentence(FAMILY_TITLES.get(name, name)), name)
-        if known:
-            chosen = wanted if wanted in self._budgets else main_family(self._budgets)
-            self.family.setCurrentIndex(self.family.findData(chosen))
-        self.family.blockSignals(False)
+        with QSignalBlocker(self.family):
+            self.family.clear()
+            for name in self._budgets:
+                self.family.addItem(in_sentence(FAMILY_TITLES.get(name, name)), name)
+            if known:
+                chosen = wanted if wanted in self._budgets else main_family(self._budgets)
+                self.family.setCurrentIndex(self.family.findData(chosen))
         for part in (self.family, self.plot, self.table, self.hint):
             part.setVisible(known)
         self._show()

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from PySide6.QtCore import QPointF, QRectF, QSize, Qt, Signal
+from PySide6.QtCore import QPointF, QRectF, QSignalBlocker, QSize, Qt, Signal
 from PySide6.QtGui import QBrush, QColor, QFontMetrics, QFontMetricsF, QPainter, QPaintEvent, QResizeEvent
 from PySide6.QtWidgets import QButtonGroup, QComboBox, QHBoxLayout, QLabel, QPushButton, QSizePolicy, QWidget
 
@@ -365,16 +365,17 @@ class ComparisonBar(QWidget):
 
     def _fill_runs(self, equation: str, key: str | None) -> None:
         many = len({comparison.session for comparison in self._comparisons.values()}) > 1
-        self.runs.blockSignals(True)
-        self.runs.clear()
-        for (name, run), comparison in self._comparisons.items():
-            if name == equation:
-                text = run_text(comparison, self._sessions.get(comparison.session), many)
-                self.runs.addItem(text, run)
-                self.runs.setItemData(self.runs.count() - 1, as_written(text), Qt.ItemDataRole.ToolTipRole)
-        rows = [row for row in range(self.runs.count()) if self.runs.itemData(row) == key]
-        self.runs.setCurrentIndex(rows[0] if rows else 0)
-        self.runs.blockSignals(False)
+        with QSignalBlocker(self.runs):
+            self.runs.clear()
+            for (name, run), comparison in self._comparisons.items():
+                if name == equation:
+                    text = run_text(comparison, self._sessions.get(comparison.session), many)
+                    self.runs.addItem(text, run)
+                    self.runs.setItemData(
+                        self.runs.count() - 1, as_written(text), Qt.ItemDataRole.ToolTipRole
+                    )
+            rows = [row for row in range(self.runs.count()) if self.runs.itemData(row) == key]
+            self.runs.setCurrentIndex(rows[0] if rows else 0)
 
     def _key_of(self, equation: str, run: str) -> str | None:
         for (name, key), comparison in self._comparisons.items():

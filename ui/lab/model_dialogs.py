@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pyqtgraph as pg
-from PySide6.QtCore import Qt, Signal
+from PySide6.QtCore import QSignalBlocker, Qt, Signal
 from PySide6.QtGui import QFontMetrics
 from PySide6.QtWidgets import (
     QComboBox,
@@ -339,12 +339,11 @@ class SideBySideDialog(QDialog):
         names = list(models)
         wanted = (next((name for name in reversed(names) if name != now), now), now)
         for choice, key in zip(self.choices, wanted, strict=True):
-            choice.blockSignals(True)
-            choice.clear()
-            for name in names:
-                choice.addItem(f"{score_text(models[name].score)}  {model_words(*name, models[name])}")
-            choice.setCurrentIndex(names.index(key))
-            choice.blockSignals(False)
+            with QSignalBlocker(choice):
+                choice.clear()
+                for name in names:
+                    choice.addItem(f"{score_text(models[name].score)}  {model_words(*name, models[name])}")
+                choice.setCurrentIndex(names.index(key))
         self._show()
 
     def _pair(self) -> tuple[Diagnosis, Diagnosis] | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from PySide6.QtCore import Qt, Signal
+from PySide6.QtCore import QSignalBlocker, Qt, Signal
 from PySide6.QtGui import QIcon
 from PySide6.QtWidgets import (
     QComboBox,
@@ -159,11 +159,10 @@ class PredictPanel(QWidget):
             if name not in self._looks:
                 taken = set(self._looks.values())
                 self._looks[name] = next(n for n in range(len(names) + 1) if n not in taken)
-        self.list.blockSignals(True)
-        for item in items:
-            number = self._looks.get(str(item.data(NAME_ROLE)))
-            item.setIcon(QIcon() if number is None else sample(model_line(number), colours_of(self)))
-        self.list.blockSignals(False)
+        with QSignalBlocker(self.list):
+            for item in items:
+                number = self._looks.get(str(item.data(NAME_ROLE)))
+                item.setIcon(QIcon() if number is None else sample(model_line(number), colours_of(self)))
         return {name: model_line(self._looks[name]) for name in names}
 
     def _item(self, row: int) -> QListWidgetItem:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyqtgraph as pg
-from PySide6.QtCore import QObject, Qt, QTimer, Signal
+from PySide6.QtCore import QObject, QSignalBlocker, Qt, QTimer, Signal
 from PySide6.QtWidgets import (
     QComboBox,
     QFileDialog,
@@ -98,15 +98,14 @@ class WantedPanel(QWidget):
         """Fill in predictors and contact runs; what was chosen stays where it is still there."""
         for box, names in ((self.model, models), (self.pose, runs)):
             before = box.currentText()
-            box.blockSignals(True)
-            box.clear()
-            box.addItems(list(names))
-            for row, name in enumerate(names):
-                box.setItemData(
-                    row, as_written(name), Qt.ItemDataRole.ToolTipRole
-                )  # the list may be too narrow
-            box.setCurrentIndex(max(box.findText(before), 0))
-            box.blockSignals(False)
+            with QSignalBlocker(box):
+                box.clear()
+                box.addItems(list(names))
+                for row, name in enumerate(names):
+                    box.setItemData(
+                        row, as_written(name), Qt.ItemDataRole.ToolTipRole
+                    )  # the list may be too narrow
+                box.setCurrentIndex(max(box.findText(before), 0))
         self.model_name.setText(self.model.currentText())
 
     def show_outcome(self, result: str, limits: str, usable: bool) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from datetime import datetime
 from typing import TYPE_CHECKING
 
-from PySide6.QtCore import Qt, QTimer, Signal
+from PySide6.QtCore import QSignalBlocker, Qt, QTimer, Signal
 from PySide6.QtWidgets import QComboBox, QGridLayout, QHBoxLayout, QPushButton, QSizePolicy, QWidget
 
 from fingerlab.core.text import AMPERE, ScreenUnit, with_minus
@@ -135,12 +135,11 @@ class ReviewPage(QWidget):
         """Review another session, from its first run; None lets go of it. Runs of ``others`` are offered."""
         self.data.stop()
         self.session = session
-        self.runs.blockSignals(True)
-        self.runs.clear()
-        for run in session.runs if session is not None else ():
-            self.runs.addItem(run_words(run), run.name)
-        self.runs.setCurrentIndex(0)
-        self.runs.blockSignals(False)
+        with QSignalBlocker(self.runs):
+            self.runs.clear()
+            for run in session.runs if session is not None else ():
+                self.runs.addItem(run_words(run), run.name)
+            self.runs.setCurrentIndex(0)
         self.overlays.offer_all((session, *others) if session is not None else ())
         self._on_run()
         self.plots.setFocus()

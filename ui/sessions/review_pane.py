@@ -9,7 +9,7 @@ from html import escape
 from typing import Any
 
 import pyqtgraph as pg
-from PySide6.QtCore import QEvent, QLineF, QObject, QRectF, QSize, Qt, Signal
+from PySide6.QtCore import QEvent, QLineF, QObject, QRectF, QSignalBlocker, QSize, Qt, Signal
 from PySide6.QtGui import (
     QColor,
     QFontMetrics,
@@ -176,15 +176,14 @@ class Overlays(QObject):
         """Offer the runs of these sessions, the first of which is under review; lay none over."""
         self._offered, self._over, self._before = [], {}, 0
         self._caption()
-        blocked = self.field.blockSignals(True)
-        self.field.clear()
-        if sessions:
-            self.field.addItem("Nothing over it", None)
-            self.field.addItem("A run of another session…", BESIDE)
-            for session in sessions:
-                self._offer(session, session is sessions[0])
-            self.field.setCurrentIndex(0)
-        self.field.blockSignals(blocked)
+        with QSignalBlocker(self.field):
+            self.field.clear()
+            if sessions:
+                self.field.addItem("Nothing over it", None)
+                self.field.addItem("A run of another session…", BESIDE)
+                for session in sessions:
+                    self._offer(session, session is sessions[0])
+                self.field.setCurrentIndex(0)
         self.row.show_overs(())
 
     def offer_beside(self, session: Session) -> None:
@@ -247,9 +246,8 @@ class Overlays(QObject):
         self.field.update()
 
     def _go_to(self, row: int) -> None:
-        blocked = self.field.blockSignals(True)
-        self.field.setCurrentIndex(row)
-        self.field.blockSignals(blocked)
+        with QSignalBlocker(self.field):
+            self.field.setCurrentIndex(row)
 
 
 class ClockAxis(pg.AxisItem):

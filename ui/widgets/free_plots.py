@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
-from PySide6.QtCore import Qt, Signal
+from PySide6.QtCore import QSignalBlocker, Qt, Signal
 from PySide6.QtWidgets import QCheckBox, QComboBox, QLabel, QPushButton, QSplitter, QToolButton, QWidget
 
 from fingerlab.core.text import ScreenUnit
@@ -362,9 +362,8 @@ class PlotsButton(QToolButton):
 
     def _follow(self) -> None:
         for key, box in self.boxes.items():
-            box.blockSignals(True)
-            box.setChecked(key not in self._plots.left_out)
-            box.blockSignals(False)
+            with QSignalBlocker(box):
+                box.setChecked(key not in self._plots.left_out)
         self.add.setEnabled(len(self._plots.plots) < MOST_PLOTS)
 
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from PySide6.QtCore import QObject, Signal
+from PySide6.QtCore import QObject, QSignalBlocker, Signal
 from PySide6.QtWidgets import QComboBox, QFileDialog, QFormLayout, QPushButton, QWidget
 
 from .fields import NumberField, number
@@ -74,9 +74,8 @@ class WantedFields(QObject):
         for name, value in {"mean_n": mean_n, "amplitude_n": amplitude_n}.items():
             field = self.numbers[name]
             if field.value() == self._begun[name]:
-                field.blockSignals(True)
-                field.setValue(value)
-                field.blockSignals(False)
+                with QSignalBlocker(field):
+                    field.setValue(value)
                 self._begun[name] = field.value()
 
     def set_shown(self, on: bool) -> None:
