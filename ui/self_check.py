@@ -40,8 +40,7 @@ class SelfCheck:
         self.problem = ""
         self._left = PATIENCE_S * 1000 // LOOK_MS
         window.tasks.failed.connect(self._on_failed)
-        self._clock = QTimer()
-        self._clock.setInterval(LOOK_MS)
+        self._clock = QTimer(interval=LOOK_MS)
         self._clock.timeout.connect(self._look)
 
     def begin(self) -> None:

@@ -94,9 +94,7 @@ class BenchController(QObject):
         self._seen: Status | None = None
         self.numbers_due = True
         self._looks = self._silent = 0
-        self._timer = QTimer(self)
-        self._timer.setTimerType(Qt.TimerType.PreciseTimer)
-        self._timer.setInterval(TICK_MS)
+        self._timer = QTimer(self, timerType=Qt.TimerType.PreciseTimer, interval=TICK_MS)
         self._timer.timeout.connect(self.tick)
         self.worker.busy_changed.connect(self.changed)
         self.worker.failed.connect(self._on_failed)

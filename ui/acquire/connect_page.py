@@ -170,9 +170,7 @@ class ConnectPage(QWidget):
             "On a hidden effect, without any rig: a session is simulated in seconds and opens in the Model "
             "lab. A session that you have opens with Ctrl+O, or drop it here."
         )
-        self.waiting = described(QLabel(), "waitsForRig")
-        self.waiting.setTextFormat(Qt.TextFormat.PlainText)
-        self.waiting.setWordWrap(True)
+        self.waiting = described(QLabel(textFormat=Qt.TextFormat.PlainText, wordWrap=True), "waitsForRig")
         self.waiting.hide()
 
     def _build(self) -> None:

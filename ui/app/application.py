@@ -38,8 +38,7 @@ class Tidier(QObject):
         self._before = gc.isenabled()
         gc.disable()
         self._whole = time.monotonic()
-        self._timer = QTimer(self)
-        self._timer.setInterval(TICK_MS)
+        self._timer = QTimer(self, interval=TICK_MS)
         self._timer.timeout.connect(self.tidy)
         self._timer.start()
 

@@ -165,8 +165,7 @@ class MessageBar(QFrame):
         hbox(self, *entries, margins=(16, 1, 8, 1), spacing=8)
         self._details = ""
         self._path: object = None
-        self._goes = QTimer(self)
-        self._goes.setSingleShot(True)
+        self._goes = QTimer(self, singleShot=True)
         self._goes.timeout.connect(self._go)
         self.hide()
 

@@ -228,8 +228,7 @@ class Documents(QDialog):
         self.wanted.setClearButtonEnabled(True)
         self.contents = described(QTreeWidget(), "documentContents", accessible="Contents")
         self.contents.setHeaderHidden(True)
-        self.none = described(QLabel("No page holds all these words."), role="remark")
-        self.none.setWordWrap(True)
+        self.none = described(QLabel("No page holds all these words.", wordWrap=True), role="remark")
         self.view = PageView()
         self.back = described(QPushButton("&Back"), "documentBack", tip="The page before.")
         self._been: list[str] = []

@@ -93,8 +93,7 @@ class StopGuard(QObject):
         self.key = context.settings.stop_key()
         self.alone = ""
         self.stand_in: StandIn | None = None
-        self._timer = QTimer(self)
-        self._timer.setInterval(LOOK_MS)
+        self._timer = QTimer(self, interval=LOOK_MS)
         self._timer.timeout.connect(self.look)
         button.pressed.connect(context.stop)
         self._say_keys()

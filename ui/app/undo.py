@@ -96,9 +96,7 @@ class FormHistory(UndoSteps[dict[str, State]]):
         self._last: tuple[set[tuple[str, str]], float] = (set(), 0.0)
         self._applying = False
         # All that one click changes, such as a trajectory that was handed over, is one step.
-        self._settled = QTimer(self)
-        self._settled.setSingleShot(True)
-        self._settled.setInterval(0)
+        self._settled = QTimer(self, singleShot=True, interval=0)
         self._settled.timeout.connect(self.note)
 
     def watch(self, fields: Sequence[QWidget]) -> None:

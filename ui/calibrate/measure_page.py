@@ -56,8 +56,7 @@ class VoltSource(QObject):
         self._context = context
         self._column = 0
         self._reader: RingReader | None = None
-        self._timer = QTimer(self)
-        self._timer.setInterval(TICK_MS)
+        self._timer = QTimer(self, interval=TICK_MS)
         self._timer.timeout.connect(self.tick)
 
     @property
@@ -117,8 +116,7 @@ class StartPage(QWidget):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self.rig = described(QLabel(), "calibrateRig")
-        self.rig.setWordWrap(True)
+        self.rig = described(QLabel(wordWrap=True), "calibrateRig")
         self.connect_rig = QPushButton("Connect a ri&g on Acquire")
         self.connect_rig.setObjectName("calibrateConnect")
         self.connect_rig.setProperty("primary", "true")
@@ -232,8 +230,7 @@ class MeasurePage(QWidget):
         self.step = described(remark(), "calibrationStep")
         self.words = described(heading(large=True), "calibrationWords")
         self.words.setWordWrap(True)
-        self.state = described(QLabel(), "calibrationState")
-        self.state.setWordWrap(True)
+        self.state = described(QLabel(wordWrap=True), "calibrationState")
         self.progress = described(QProgressBar(), accessible="Hold of this step")
         self.progress.setRange(0, 1000)
         self.progress.setTextVisible(False)

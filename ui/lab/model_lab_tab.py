@@ -53,9 +53,7 @@ class ModelLabTab(Tab):
         self.commands = self._commands()
         self._shown = self._waits = False
         self._recording = ""
-        self._glance = QTimer(self)
-        self._glance.setSingleShot(True)
-        self._glance.setInterval(GLANCE_MS)
+        self._glance = QTimer(self, singleShot=True, interval=GLANCE_MS)
         self._glance.timeout.connect(self._keep_view)
         self._connect()
         self._refresh()

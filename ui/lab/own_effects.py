@@ -71,9 +71,7 @@ class OwnEffects(QDialog):
         self.files = described(QListWidget(), "ownFiles", accessible="Files of own effects")
         self.files.setWordWrap(True)
         self.files.currentRowChanged.connect(lambda _row: self._refresh_buttons())
-        self.problem = described(QLabel(), "ownProblem")
-        self.problem.setTextFormat(Qt.TextFormat.PlainText)
-        self.problem.setWordWrap(True)
+        self.problem = described(QLabel(textFormat=Qt.TextFormat.PlainText, wordWrap=True), "ownProblem")
         self._equation = self._found = ""
         self.new = self._button("&New…", "ownNew", self.write_new)
         self.new.setToolTip("A file with law, parameters and explanation to edit.")
@@ -87,8 +85,7 @@ class OwnEffects(QDialog):
         self._show("")
 
     def _button(self, text: str, name: str, call: Callable[[], None]) -> QPushButton:
-        button = described(QPushButton(text), name)
-        button.setAutoDefault(False)
+        button = described(QPushButton(text, autoDefault=False), name)
         button.clicked.connect(lambda _checked=False: call())
         return button
 
@@ -242,9 +239,7 @@ class EffectEditor(QDialog):
         self.text = described(QPlainTextEdit(text), "effectText", accessible="Text of the effect")
         self.text.setFont(QFontDatabase.systemFont(QFontDatabase.SystemFont.FixedFont))
         self.text.setLineWrapMode(QPlainTextEdit.LineWrapMode.NoWrap)
-        self.problem = described(QLabel(), "effectProblem")
-        self.problem.setTextFormat(Qt.TextFormat.PlainText)
-        self.problem.setWordWrap(True)
+        self.problem = described(QLabel(textFormat=Qt.TextFormat.PlainText, wordWrap=True), "effectProblem")
         self.problem.hide()
         buttons = QDialogButtonBox(
             QDialogButtonBox.StandardButton.Save | QDialogButtonBox.StandardButton.Close

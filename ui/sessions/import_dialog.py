@@ -346,16 +346,14 @@ class ImportDialog(QDialog):
         grid = QGridLayout()
         grid.setColumnStretch(0, 1)
         for row, (path, fields) in enumerate(zip(self._files, self._each, strict=True)):
-            name = QLabel(path.name)
-            name.setTextFormat(Qt.TextFormat.PlainText)
+            name = QLabel(path.name, textFormat=Qt.TextFormat.PlainText)
             name.setToolTip(as_written(str(path)))
             grid.addWidget(name, row, 0)
             for column, field in enumerate(fields, start=1):
                 grid.addWidget(field, row, column)
         inner = QWidget()
         inner.setLayout(grid)
-        room = QScrollArea()
-        room.setWidgetResizable(True)
+        room = QScrollArea(widgetResizable=True)
         room.setWidget(inner)
         room.setMaximumHeight(min(inner.sizeHint().height() + 8, 120))
         samples, ampere = QLabel("&Samples a second"), QLabel("Torque of an &ampere (N m)")

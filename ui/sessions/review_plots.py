@@ -65,9 +65,7 @@ class ReviewPlots(pg.GraphicsLayoutWidget):
         self.top = self.panes[0].plot
         for pane in self.panes[1:]:
             pane.plot.setXLink(self.top)
-        self._timer = QTimer(self)
-        self._timer.setSingleShot(True)
-        self._timer.setInterval(FEED_MS)
+        self._timer = QTimer(self, singleShot=True, interval=FEED_MS)
         self._timer.timeout.connect(self.feed)
         self.top.getViewBox().sigXRangeChanged.connect(lambda *_: self._timer.start())
         self.top.getViewBox().sigResized.connect(lambda *_: self._timer.start())

@@ -304,8 +304,7 @@ def row(*widgets: QWidget | QLayout) -> QHBoxLayout:
 
 def centred_column(page: QWidget, width: int) -> QVBoxLayout:
     """A column at most so wide in the middle of an otherwise empty page, a little above its centre."""
-    column = QWidget()
-    column.setMaximumWidth(width)
+    column = QWidget(maximumWidth=width)
     inner = vbox(column, spacing=16)
     # The column takes all up to its widest, so that its text gets the height it needs.
     vbox(page, Spacer(2), hbox(None, Spacer(1), (column, 100), Spacer(1)), Spacer(3))

@@ -243,8 +243,7 @@ class FreePlots(QWidget):
         self._made = self._turn = 0
         self._beside: Panes | None = None
         self._keep: Callable[[str], None] = lambda _text: None
-        self._stack = described(QSplitter(Qt.Orientation.Vertical), "freeStack")
-        self._stack.setChildrenCollapsible(False)
+        self._stack = described(QSplitter(Qt.Orientation.Vertical, childrenCollapsible=False), "freeStack")
         self._stack.splitterMoved.connect(lambda *_: self._store())
         vbox(self, self._stack, margins=FLUSH)
         self.hide()

@@ -238,8 +238,7 @@ def header_name(name: str, accessible: str, alone: bool = True) -> ElidedLabel:
 
 def heading(text: str = "", large: bool = False) -> QLabel:
     """A bold label."""
-    label = QLabel(text)
-    label.setTextFormat(Qt.TextFormat.PlainText)
+    label = QLabel(text, textFormat=Qt.TextFormat.PlainText)
     label.setProperty("role", "heading")
     if large:
         label.setFont(large_font())
