@@ -20,7 +20,7 @@ from fingerlab.rig.file import UNTOLD, Motor, Rig
 from fingerlab.sessions.hdf5 import sample_fault
 from fingerlab.sessions.left_out import RowsLeftOut, kept_rows
 from fingerlab.sessions.mapping import AXIS_RADIUS_M, Axis, Column, Table, axis_lacks, map_columns, words_of
-from fingerlab.sessions.mat_table import MatTable, is_mat, mat_tables
+from fingerlab.sessions.mat_table import MatTable, mat_tables
 from fingerlab.sessions.model import LEAST_RATE, LEFT_OUT, MOST_RATE, RATE_TOLERANCE, REQUIRED_CHANNELS, Array
 from fingerlab.sessions.reading import open_session
 from fingerlab.sessions.text_table import BLOCK_LINES, SEPARATOR_WORDS, TableRows, inspect_table, read_rows
@@ -135,7 +135,7 @@ def of_one_axis(
 
 
 def _tables(path: Path) -> Sequence[Table]:
-    return mat_tables(path) if is_mat(path) else [inspect_table(path)]
+    return mat_tables(path) if path.suffix.lower() == ".mat" else [inspect_table(path)]
 
 
 def _blocks(table: Table) -> Iterator[TableRows]:

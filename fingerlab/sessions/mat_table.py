@@ -56,11 +56,6 @@ class MatTable:
         return len(self.header)
 
 
-def is_mat(path: Path) -> bool:
-    """Whether a file is to be read as a MAT file, by its name."""
-    return path.suffix.lower() == ".mat"
-
-
 def mat_tables(path: Path) -> list[MatTable]:
     """The tables of a MAT file: its variables, or where they are structs, one table a struct.
 

@@ -277,8 +277,3 @@ def whole_pieces(time: Array, rate: float) -> list[slice]:
     """
     gaps = np.flatnonzero(np.diff(time) > (1.0 + RATE_TOLERANCE) / rate) + 1
     return [slice(first, last) for first, last in pairwise([0, *gaps.tolist(), len(time)])]
-
-
-def longest_piece(time: Array, rate: float) -> slice:
-    """The longest piece of a recording without a gap, the first of such."""
-    return max(whole_pieces(time, rate), key=lambda piece: piece.stop - piece.start)

@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 
 from fingerlab.core.errors import UserError
-from fingerlab.sessions.model import Array, Run, longest_piece
+from fingerlab.sessions.model import Array, Run, whole_pieces
 
 BUTTERWORTH_ORDER = 4
 """Thesis section 4.1: 4th-order Butterworth low-pass."""
@@ -138,7 +138,7 @@ def prepare(run: Run, cutoff_hz: float | None = None) -> Signals:
     rate = run.sample_rate_hz
     channels = run.load(["time", *(name for name in FILTERED if name in NEEDED or run.has(name))])
     cutoff_hz = thesis_cutoff_hz(rate) if cutoff_hz is None else cutoff_hz
-    piece = longest_piece(channels["time"], rate)
+    piece = max(whole_pieces(channels["time"], rate), key=lambda one: one.stop - one.start)
     channels = {name: values[piece] for name, values in channels.items()}
     filtered = _low_passed(run, channels, cutoff_hz)
 

@@ -19,9 +19,9 @@ from fingerlab.thesis.contact import (
     FINAL,
     ContactRun,
     PredictionSpec,
+    parameter_set,
     prediction_specs,
     reduce_contact_run,
-    sets_for,
 )
 from fingerlab.thesis.fitting import SessionFit, assemble, in_pieces, on_air_runs
 from fingerlab.thesis.onair import OnAirRun, Spread, reduce_run
@@ -225,7 +225,8 @@ def thesis_analysis(session: Session, progress: Progress | None = None) -> Thesi
     cable = "extension" if any(run.cable == "extension" for run in reduced) else "flexion"
     ours = tuple(run for run in reduced if run.cable == cable)
     fits = {spec: assemble(session, spec, ours, strict=spec == FOUR_REGIONS) for spec in thesis_specs()}
-    sets = sets_for(fits, cable, prediction_specs())
+    specs = prediction_specs()
+    sets = {one: parameter_set(fits[one.fit], cable, one.joint, one.region) for one in specs}
     contacts = _reduce_contact(session, contact, sets, lambda i, run: step(len(air) + i, run))
     return ThesisAnalysis(
         session.path,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Generic, TypeVar
@@ -124,13 +124,6 @@ def reduce_contact_run(
         {spec: judge(traces, force) for spec, force in forces.items()},
     )
     return run, forces
-
-
-def sets_for(
-    fits: Mapping[FitSpec, SessionFit], cable: str, specs: Sequence[PredictionSpec]
-) -> Mapping[PredictionSpec, ParameterSet | None]:
-    """The parameter set of each prediction."""
-    return {spec: parameter_set(fits[spec.fit], cable, spec.joint, spec.region) for spec in specs}
 
 
 FIT_METHODS = ("regions", "flexion-extension", "whole")

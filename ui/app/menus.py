@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from PySide6.QtCore import QObject, QPoint, Qt
-from PySide6.QtGui import QAction, QActionGroup, QContextMenuEvent, QGuiApplication, QKeySequence
+from PySide6.QtGui import QAction, QActionGroup, QContextMenuEvent, QGuiApplication, QImage, QKeySequence
 from PySide6.QtWidgets import (
     QApplication,
     QDialog,
@@ -107,9 +107,9 @@ class PlotMenu(QObject):
 
     def copy_picture(self, plot: QWidget) -> None:
         """The picture to the clipboard."""
-        from ..widgets.plot_figure import picture_of
+        from ..widgets.plot_figure import picture
 
-        QGuiApplication.clipboard().setImage(picture_of(plot))
+        QGuiApplication.clipboard().setImage(QImage.fromData(picture(plot, "png")))
         self._context.say(f"Copied as a picture: {_words(plot)}")
 
     def copy_numbers(self, plot: QWidget) -> None:

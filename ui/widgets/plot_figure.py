@@ -23,7 +23,7 @@ import pyqtgraph as pg
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from PySide6.QtCore import QPointF, Qt
-from PySide6.QtGui import QBrush, QColor, QImage, QPen
+from PySide6.QtGui import QBrush, QColor, QPen
 from PySide6.QtWidgets import QWidget
 
 from fingerlab.core.errors import UserError
@@ -481,11 +481,6 @@ def save_plot(widget: QWidget, path: Path, paper: Paper | None = None) -> None:
     content = _csv(widget) if kind == "csv" else picture(widget, kind, paper)
     with whole_file(path, "choose a folder with room and write access.") as part:
         part.write_bytes(content)
-
-
-def picture_of(widget: QWidget) -> QImage:
-    """The plot in dots, as large as on the screen and twice as fine, in light colours."""
-    return QImage.fromData(picture(widget, "png"))
 
 
 def _csv(widget: QWidget) -> bytes:
