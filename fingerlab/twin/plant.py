@@ -333,3 +333,30 @@ def spread(bench: Plant, place: int, level: float, travel: float) -> None:
     """Friction that builds up gradually to a level (N m) over a travel (rad)."""
     bench.friction[place]["spread"] += level
     bench.friction[place]["spread_travel"] = travel
+
+
+def numbers_of_fit(wound: bool = False, **names: str) -> Found:
+    """Of an effect whose numbers here are those of the fit, by the fit's names.
+
+    Args:
+        wound: the friction also has its travel from the fit (:func:`winding`).
+    """
+
+    def found(v: Values, nominal: Nominal) -> Values:
+        return {own: v[name] for own, name in names.items()} | (winding(v) if wound else {})
+
+    return found
+
+
+def numbers_for_fit(**names: str) -> Callable[[Values], Values]:
+    """The inverse of :func:`numbers_of_fit`."""
+    return lambda v: {name: v[own] for own, name in names.items()}
+
+
+def joints_of_fit(gain: str, wound: bool = False) -> Found:
+    """Of an effect at both joints whose gain in the fit has this name; ``wound`` as there."""
+
+    def found(v: Values, nominal: Nominal) -> Values:
+        return both_joints(v[f"{gain}_mcp"], v[f"{gain}_pip"]) | (winding(v) if wound else {})
+
+    return found

@@ -1,18 +1,10 @@
 """A spring that pulls the two joint angles together (glove, skin, tendon)."""
 
-from fingerlab.twin.plant import FINGER, Nominal, Plant, PlantEffect, Values, constant
+from fingerlab.twin.plant import FINGER, Plant, PlantEffect, Values, constant, numbers_for_fit, numbers_of_fit
 
 
 def apply(bench: Plant, v: Values) -> None:
     bench.plant["coupling"] += v["stiffness"]
-
-
-def found(v: Values, nominal: Nominal) -> dict[str, float]:
-    return {"stiffness": v["coupling"]}
-
-
-def expected(v: Values) -> dict[str, float]:
-    return {"coupling": v["stiffness"]}
 
 
 EFFECT = PlantEffect(
@@ -20,6 +12,6 @@ EFFECT = PlantEffect(
     parameters=(constant("stiffness", "N m/rad", 0.025, 5e-3, 0.08),),
     phases=FINGER,
     apply=apply,
-    found=found,
-    expected=expected,
+    found=numbers_of_fit(stiffness="coupling"),
+    expected=numbers_for_fit(stiffness="coupling"),
 )

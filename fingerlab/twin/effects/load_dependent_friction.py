@@ -4,26 +4,18 @@ from fingerlab.twin.plant import (
     DRIVE,
     GEAR_WIND_UP,
     MOTOR,
-    Nominal,
     Plant,
     PlantEffect,
     Values,
     constant,
-    winding,
+    numbers_for_fit,
+    numbers_of_fit,
 )
 
 
 def apply(bench: Plant, v: Values) -> None:
     bench.friction[MOTOR]["load_share"] += v["share"]
     bench.friction[MOTOR]["travel"] = v["travel"]
-
-
-def found(v: Values, nominal: Nominal) -> dict[str, float]:
-    return {"share": v["share"], **winding(v)}
-
-
-def expected(v: Values) -> dict[str, float]:
-    return {"share": v["share"]}
 
 
 EFFECT = PlantEffect(
@@ -34,7 +26,7 @@ EFFECT = PlantEffect(
     ),
     phases=DRIVE,
     apply=apply,
-    found=found,
-    expected=expected,
+    found=numbers_of_fit(wound=True, share="share"),
+    expected=numbers_for_fit(share="share"),
     practised=True,
 )

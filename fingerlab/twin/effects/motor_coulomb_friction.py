@@ -4,26 +4,18 @@ from fingerlab.twin.plant import (
     DRIVE,
     GEAR_WIND_UP,
     MOTOR,
-    Nominal,
     Plant,
     PlantEffect,
     Values,
     constant,
     dry,
-    winding,
+    numbers_for_fit,
+    numbers_of_fit,
 )
 
 
 def apply(bench: Plant, v: Values) -> None:
     dry(bench, MOTOR, v["torque"], v["travel"])
-
-
-def found(v: Values, nominal: Nominal) -> dict[str, float]:
-    return {"torque": v["coulomb"], **winding(v)}
-
-
-def expected(v: Values) -> dict[str, float]:
-    return {"coulomb": v["torque"]}
 
 
 EFFECT = PlantEffect(
@@ -34,7 +26,7 @@ EFFECT = PlantEffect(
     ),
     phases=DRIVE,
     apply=apply,
-    found=found,
-    expected=expected,
+    found=numbers_of_fit(wound=True, torque="coulomb"),
+    expected=numbers_for_fit(torque="coulomb"),
     practised=True,
 )

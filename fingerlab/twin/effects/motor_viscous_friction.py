@@ -1,18 +1,10 @@
 """Grease in motor and gearbox."""
 
-from fingerlab.twin.plant import DRIVE, Nominal, Plant, PlantEffect, Values, constant
+from fingerlab.twin.plant import DRIVE, Plant, PlantEffect, Values, constant, numbers_for_fit, numbers_of_fit
 
 
 def apply(bench: Plant, v: Values) -> None:
     bench.plant["motor_viscous"] += v["coefficient"]
-
-
-def found(v: Values, nominal: Nominal) -> dict[str, float]:
-    return {"coefficient": v["viscous"]}
-
-
-def expected(v: Values) -> dict[str, float]:
-    return {"viscous": v["coefficient"]}
 
 
 EFFECT = PlantEffect(
@@ -20,7 +12,7 @@ EFFECT = PlantEffect(
     parameters=(constant("coefficient", "N m s/rad", 4.0e-3, 5e-4, 1.5e-2),),
     phases=DRIVE,
     apply=apply,
-    found=found,
-    expected=expected,
+    found=numbers_of_fit(coefficient="viscous"),
+    expected=numbers_for_fit(coefficient="viscous"),
     practised=True,
 )

@@ -1,33 +1,25 @@
 """Soft seals in both hinges: friction that builds up over degrees (spring-sliders in a row)."""
 
+from functools import partial
+
 from fingerlab.twin.plant import (
     FINGER,
     MCP,
     PIP,
     RATIO,
-    Nominal,
     Plant,
     PlantEffect,
     Values,
-    both_joints,
     constant,
     gains_of_joints,
+    joints_of_fit,
     spread,
-    winding,
 )
 
 
 def apply(bench: Plant, v: Values) -> None:
     spread(bench, MCP, v["mcp"], v["travel"])
     spread(bench, PIP, v["mcp"] * v["pip_ratio"], v["travel"])
-
-
-def found(v: Values, nominal: Nominal) -> dict[str, float]:
-    return both_joints(v["dahl_mcp"], v["dahl_pip"]) | winding(v)
-
-
-def expected(v: Values) -> dict[str, float]:
-    return gains_of_joints("dahl", v)
 
 
 EFFECT = PlantEffect(
@@ -39,7 +31,7 @@ EFFECT = PlantEffect(
     ),
     phases=FINGER,
     apply=apply,
-    found=found,
-    expected=expected,
+    found=joints_of_fit("dahl", wound=True),
+    expected=partial(gains_of_joints, "dahl"),
     practised=True,
 )
