@@ -51,8 +51,8 @@ from fingerlab.prediction.inverse import TorquePlan, needed_torque, plan_json, p
 from fingerlab.prediction.predict import ExtendedPrediction, RunPrediction, interval_over, spread_over
 from fingerlab.prediction.target import ContactPose, pose_by_hand, pose_of_run, wanted_force, words_of
 from fingerlab.prediction.trial import CAUSES, Trial, analyse_trial, trial_json
+from fingerlab.report.comparison_words import result_sentences, trial_row
 from fingerlab.report.diagnosis_words import effect_title, in_sentence
-from fingerlab.report.trial import result_sentences, trial_row
 from fingerlab.sessions import Session, content_hash, open_session
 from fingerlab.signals.periods import REGION_TITLES
 from fingerlab.thesis.contact import ContactRun, SessionPrediction, parameter_sets, predict_session
@@ -445,7 +445,7 @@ def trial(session_file: Path, figures: Path | None, json_target: str | None) -> 
         _print_trial(found, session_file.name)
     drawn = None
     if figures is not None:
-        from fingerlab.report.trial import trial_figures
+        from fingerlab.report.force_figures import trial_figures
 
         drawn = (trial_figures(found), figures)
     write_results(json_ready(trial_json(found)), json_target, None, drawn)

@@ -1,4 +1,4 @@
-"""Sessions compared, in words: run by run, and beside the numbers that the thesis printed.
+"""What is compared, in words: sessions run by run, both models of a force trial, our numbers and the thesis'.
 
 A number of the thesis is met or not: it is outside where it is further from the published value than the
 published deviation over runs. Where the thesis prints no deviation, the tolerance below holds in its place;
@@ -14,7 +14,8 @@ from typing import Any
 
 from fingerlab.core.plain_data import json_ready
 from fingerlab.core.progress import SILENT, Watch
-from fingerlab.core.text import ScreenUnit, decimals_for, fixed, largest_of, screen_unit
+from fingerlab.core.text import ScreenUnit, decimals_for, fixed, largest_of, number, screen_unit
+from fingerlab.prediction.trial import CAUSES, ModelForce, Trial
 from fingerlab.report.score_words import PHASE_WORDS
 from fingerlab.sessions.model import CHANNEL_UNITS
 from fingerlab.sessions.trajectory import trajectory_words
@@ -237,10 +238,10 @@ def replicated(preset_name: str, seeds: Sequence[int], watch: Watch = SILENT) ->
     preset = load_preset(preset_name)
     plans = PROTOCOLS["thesis"](preset.numbers["protocol"]["contact_amplitude_deg"])
     results = []
-    for number, seed in enumerate(seeds):
+    for place, seed in enumerate(seeds):
 
-        def part(share: float, what: str, start: float = 0.0, number: int = number) -> None:
-            watch.tell((number + start + 0.5 * share) / len(seeds), what)
+        def part(share: float, what: str, start: float = 0.0, place: int = place) -> None:
+            watch.tell((place + start + 0.5 * share) / len(seeds), what)
 
         session = simulated_session(preset, "thesis", plans, seed, part)
         analysis = thesis_analysis(session, lambda share, what: part(share, f"analysing {what}", 0.5))
@@ -272,3 +273,85 @@ def cells(line: ComparedQuantity) -> tuple[str, str, str, str, str]:
     if math.isfinite(line.ours.deviation):
         ours += f" ± {line.ours.deviation:.{digits}f}"
     return one.title, published, ours, "*" if line.outside else "", "" if one.unit == "1" else one.unit
+
+
+MENTIONED = 0.1
+"""Share of the squared error from which on a cause is named (assumed)."""
+WHOLE = 0.99
+"""Share of a found torque from which on it was sent whole, for words."""
+
+
+def trial_sentence(trial: Trial) -> str:
+    """By how much the error fell; of one model alone its error."""
+    if trial.nominal is None or trial.found is None:
+        one = trial.found or trial.nominal
+        assert one is not None
+        return (
+            f"With the {one.model} model the force missed what was wanted by {_mn(one.rms)} (rms). By how "
+            "much a found model lowers it takes runs of both models: record with --ab."
+        )
+    before, after = _mn(trial.nominal.rms), _mn(trial.found.rms)
+    interval = _interval(trial)
+    if trial.low > 1.0:
+        return f"The force error rose from {before} to {after}{interval}: the nominal model does better here."
+    if math.isfinite(trial.high) and trial.high >= 1.0:
+        return f"The force error went from {before} to {after}{interval}: no difference can be told."
+    return f"The force error fell from {before} to {after}, to {100 * trial.ratio:.0f} %{interval}."
+
+
+def result_sentences(trial: Trial) -> tuple[str, ...]:
+    """All that a trial shows: how far the error fell, what was predicted, and what each model leaves."""
+    models = [one for one in (trial.nominal, trial.found) if one is not None]
+    sentences = (
+        trial_sentence(trial), share_sentence(trial), predicted_sentence(trial), *map(rest_sentence, models)
+    )  # fmt: skip
+    return tuple(sentence for sentence in sentences if sentence)
+
+
+def trial_row(model: ModelForce) -> tuple[str, ...]:
+    """One model in a table: name, runs, error, predicted, largest, run to run (mN), then each cause (%)."""
+    predicted = number(1e3 * model.predicted_rms, 1) if math.isfinite(model.predicted_rms) else "–"
+    repeats = number(1e3 * model.repeatability, 1) if len(model.runs) > 1 else "–"
+    error, peak = (number(1e3 * value, 1) for value in (model.rms, model.peak))
+    causes = (number(100.0 * model.parts[cause], 0) for cause in CAUSES)
+    return model.model, str(len(model.runs)), error, predicted, peak, repeats, *causes
+
+
+def _interval(trial: Trial) -> str:
+    if not math.isfinite(trial.low):
+        return " (no interval: it takes two pairs of runs or more)"
+    return f" (90 % interval {100 * trial.low:.0f} to {100 * trial.high:.0f} %)"
+
+
+def predicted_sentence(trial: Trial) -> str:
+    """What the found model had foretold of it; empty where it foretold nothing."""
+    if not math.isfinite(trial.predicted_ratio) or trial.nominal is None or trial.found is None:
+        return ""
+    return (
+        f"The found model had foretold {_mn(trial.nominal.predicted_rms)} with the nominal torque and "
+        f"{_mn(trial.found.predicted_rms)} with its own: {100 * trial.predicted_ratio:.0f} %."
+    )
+
+
+def share_sentence(trial: Trial) -> str:
+    """How far the found torque was sent; empty where it was sent whole."""
+    share = trial.found_share
+    if not math.isfinite(share) or share > WHOLE:
+        return ""
+    if share == 0.0:
+        return (
+            "In practice the found torque, but for less than a tenth, missed no less than the nominal one, "
+            "which was therefore sent for both."
+        )
+    return f"Practice bore out {100 * share:.0f} % of the way from the nominal torque to the found one."
+
+
+def rest_sentence(model: ModelForce) -> str:
+    """What is left of one model's error, by cause; the largest first."""
+    named = sorted(model.parts.items(), key=lambda one: -one[1])
+    causes = [f"{100 * share:.0f} % {CAUSES[cause]}" for cause, share in named if share >= MENTIONED]
+    return f"Of what the {model.model} model leaves ({_mn(model.rms)}, squared): {', '.join(causes)}."
+
+
+def _mn(newtons: float) -> str:
+    return f"{number(1e3 * newtons, 1)} mN"

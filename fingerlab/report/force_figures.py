@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 from fingerlab.core.text import r2_text
 from fingerlab.prediction.comparing import ComparedModel, ModelComparison
 from fingerlab.prediction.predict import Curve, ExtendedPrediction, RunPrediction
+from fingerlab.prediction.trial import Trial
 from fingerlab.report.diagnosis_words import effect_title, in_sentence
 from fingerlab.report.figure_style import (
     CANDIDATE,
@@ -255,6 +256,28 @@ def force_error_figure(models: Sequence[ComparedModel]) -> Figure:
     label(axes, "error of the endpoint force (mN, rms)", "")
     legend_below(figure, axes)
     return figure
+
+
+def trial_figures(trial: Trial) -> Mapping[str, Figure]:
+    """One figure: the force above, the error below; every run thin, the mean of a model's runs thick."""
+    figure, (above, below) = new_figure(2, 1, size=(7.2, 5.4))
+    for model, colour in ((trial.nominal, MODELLED), (trial.found, CANDIDATE)):
+        if model is None:
+            continue
+        time, wanted, measured = model.courses
+        above.plot(time, measured.mean(axis=0), color=colour, lw=1.4, label=f"measured, {model.model} model")
+        below.plot(time, 1e3 * (measured - wanted).T, color=colour, lw=0.5, alpha=0.5)
+        below.plot(time, 1e3 * (measured.mean(axis=0) - wanted), color=colour, lw=1.4)
+        above.plot(
+            time, wanted, color=MEASURED, lw=1.0, ls="--", label="wanted" if colour is CANDIDATE else None
+        )
+    if trial.found is None:
+        above.lines[-1].set_label("wanted")
+    below.axhline(0.0, color=MEASURED, lw=0.6)
+    label(above, "", "force (N)")
+    label(below, "time (s)", "measured less wanted (mN)")
+    legend_below(figure, above)
+    return {"force-trial": figure}
 
 
 def prediction_figures(result: SessionPrediction) -> Mapping[str, Figure]:

@@ -25,7 +25,7 @@ from fingerlab.models.file import write_model
 from fingerlab.prediction import fit_extended, model_of_extended
 from fingerlab.prediction.comparing import compare_models
 from fingerlab.prediction.trial import analyse_trial, trial_json
-from fingerlab.report.trial import result_sentences
+from fingerlab.report.comparison_words import result_sentences
 from fingerlab.sessions import open_session
 from fingerlab.twin.protocols import AS_BUILT
 from tests.hidden.as_built import model_row, thesis_share

@@ -21,7 +21,7 @@ from fingerlab.prediction.feed_forward import first_plan, mean_plan
 from fingerlab.prediction.inverse import TorquePlan, needed_torque
 from fingerlab.prediction.target import pose_of_run, wanted_force
 from fingerlab.prediction.trial import Trial, analyse_trial
-from fingerlab.report.trial import rest_sentence, share_sentence, trial_sentence
+from fingerlab.report.comparison_words import rest_sentence, share_sentence, trial_sentence
 from fingerlab.rig.file import Motor, Rig
 from fingerlab.sessions import open_session
 from fingerlab.sessions.model import Run, Session

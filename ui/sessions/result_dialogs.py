@@ -20,8 +20,9 @@ from fingerlab.report.comparison_words import (
     channels_of,
     pair_title,
     pairs_sentence,
+    result_sentences,
+    trial_row,
 )
-from fingerlab.report.trial import result_sentences, trial_row
 from fingerlab.sessions.model import CHANNEL_UNITS, Array
 from fingerlab.signals.run_pairs import ChannelPair, RunPair, SessionPair
 
