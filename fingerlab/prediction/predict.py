@@ -374,10 +374,11 @@ def _contact_folds(scorer: Scorer, sessions: Sequence[Session], hashes: Mapping[
     dealt: dict[tuple[GroupKey, int], list[tuple[str, str]]] = {}
     for (session, run), k in zip(pairs, folds_of_runs([run for _, run in pairs])[1], strict=True):
         key = group_key(run)
+        if run.phase != "contact" or len(names[key]) < 2:
+            continue
         if run.name not in names[key][k]:
             raise AssertionError(f"run {run.name} is not in fold {k} of {key}")
-        if run.phase == "contact" and len(names[key]) > 1:
-            dealt.setdefault((key, k), []).append((hashes[session.path], run.name))
+        dealt.setdefault((key, k), []).append((hashes[session.path], run.name))
     return [_LeftOut(key, k, tuple(runs)) for (key, k), runs in dealt.items()]
 
 
