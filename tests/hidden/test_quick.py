@@ -6,6 +6,7 @@ Only the commands and the files between them are used, as a stranger would.
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,8 @@ import pytest
 from click.testing import CliRunner
 
 from fingerlab.cli.main import cli
+from fingerlab.diagnosis import diagnose
+from fingerlab.sessions import open_session
 
 
 def run(*arguments: str | Path) -> dict[str, Any]:
@@ -51,6 +54,21 @@ def test_two_effects_that_hide_each_other_are_both_found(tmp_path: Path) -> None
     assert answer["verdict"] == "missing_effect"
     assert {step["added"] for step in answer["path"]} - {None} == truth
     assert answer["path"][-1]["score"] < 0.5 * answer["score"]
+
+
+def test_one_run_does_not_tell_a_law_with_gains_to_spare(tmp_path: Path) -> None:
+    """A sine on air. On its grid Stribeck's law took up what only the travel of Coulomb's lacked: 93 %."""
+    path = tmp_path / "coulomb.h5"
+    effect = "coulomb_friction=x1.2"
+    run("simulate", "--protocol", "rich", "--effect", effect, "--seed", "77", "--out", path)
+    session = open_session(path)
+    single = replace(session, runs=tuple(one for one in session.runs if one.name == "003"))
+    found = diagnose([single], with_curves=False)
+    assert found.candidates[0].effect == "coulomb_friction"
+    assert found.final_model == ("coulomb_friction",)
+    given = diagnose([single], found.final_model, with_curves=False)
+    assert given.better is None
+    assert given.verdict == "nothing_missing"
 
 
 def test_a_wrong_effect_that_was_added_is_offered_for_the_right_one(tmp_path: Path) -> None:

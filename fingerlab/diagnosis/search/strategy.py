@@ -180,7 +180,7 @@ def search_effects(question: Question, scorer: Scorer) -> Found:
             refined, weights = by, path[-1].weights
         if len(path) == 1 and evidence.verdict == Verdict.MISSING_EFFECT:
             evidence = with_best_unconfirmed(evidence)
-    if refined is not None and len(path) > 2:
+    if refined is not None:
         watch, laws = question.stages.part(0.97, 0.98), path[-1].effect_ids
         refined, path = with_plainer_end(question.reduction, question.catalogue, refined, path, watch)
         for law, plainer in zip(laws, path[-1].effect_ids, strict=True):
