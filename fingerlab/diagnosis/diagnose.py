@@ -288,7 +288,7 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
         excluded_by_motion=excluded_by_motion,
         run_shares=each_share,
         excluded_times=excluded,
-        held_out_by_parts=any(group.by_turns for group in scorer.reduced.groups),
+        held_out_by_parts=any(group.in_parts for group in scorer.reduced.groups),
         repeats=scorer.reduced.floor_from != "state law",
         floor_from=scorer.reduced.floor_from,
         calibration=calibration,

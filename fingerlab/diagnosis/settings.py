@@ -166,7 +166,7 @@ SAME_DIFFERENCE = {"frequency_hz": 0.02, "amplitude_deg": 1.0, "offset_deg": 3.0
 """... or by less than this (Hz, degrees at the pulley, N m)."""
 MOST_FOLDS = 30
 """Folds of a group, whatever the number of its conditions: beyond, conditions share folds."""
-FEW_RUNS, TURNS = 4, 2
+FEW_RUNS, SPLITS = 4, 2
 """Fewer runs, in which no motion comes again, are held out in so many turns, the first half of each and the
 second; assumed. Of two, one slow and one fast, neither tells what the other holds; one has no other. In
 shorter parts what wanders is told by its neighbours: by eighths the floor of a machine whose friction wanders

@@ -221,13 +221,13 @@ def run_shares(
                             count / every, aside, squared, share,
                         )
                     )  # fmt: skip
-        shares += _of_whole_runs(of_group) if group.by_turns else of_group
+        shares += _of_whole_runs(of_group) if group.in_parts else of_group
         parts += _parts_of_motions([run for _, run in runs], group, of_rows, left, every)
     return _none_below_zero(shares), tuple(parts)
 
 
 def _of_whole_runs(shares: Sequence[RunShare]) -> Iterator[RunShare]:
-    """Shares of blocks of runs, which were held out in turns, added up to those of the runs."""
+    """Shares of blocks of runs, which were held out one after the other, added up to those of the runs."""
     for place in dict.fromkeys((one.session, one.run, one.equation) for one in shares):
         mine = [one for one in shares if (one.session, one.run, one.equation) == place]
         of_samples = sum(one.samples for one in mine)

@@ -138,7 +138,7 @@ class ReadRequest:
     effect's features in order. ``first``: there was no reading before.
     ``seek_cycle``: no run says how often its motion repeats. ``orders``: periods a turn at which a torque may
     repeat with the angle of a motor alone. ``by_state``: what a law of the state tells of a finger's signals
-    is wanted, see ``gram.state_law``. ``by_turns``: the runs are few, and each is left out part by part.
+    is wanted, see ``gram.state_law``. ``in_parts``: the runs are few, and each is left out part by part.
     """
 
     signals: IntArray
@@ -151,7 +151,7 @@ class ReadRequest:
     seek_cycle: bool = False
     orders: tuple[float, ...] = ()
     by_state: bool = False
-    by_turns: bool = False
+    in_parts: bool = False
 
 
 def asked_of(

@@ -349,8 +349,8 @@ class Reduction:
         asked, start = {}, 0
         for on_bench, layout in layouts.items():
             found = asked_of(layout, effects, self._first.get(on_bench), start, anew, seek_cycle)
-            by_turns = self._on_bench and len(runs) < FEW_RUNS
-            asked[on_bench] = replace(found, orders=self._orders, by_state=by_state, by_turns=by_turns)
+            in_parts = self._on_bench and len(runs) < FEW_RUNS
+            asked[on_bench] = replace(found, orders=self._orders, by_state=by_state, in_parts=in_parts)
             start += layout.signal_count
         whole = joined(*layouts.values())
         dealt, places = folds_of_runs(runs)
@@ -367,7 +367,7 @@ class Reduction:
             key = group_key(run)
             if key not in groups:
                 groups[key] = _empty_group(run, whole, dealt[key])
-            if each[number].by_turns:
+            if each[number].in_parts:
                 few.setdefault(key, []).append((number, sums))
             else:
                 _add(groups[key], places[number], sums, number, motions[number])
@@ -429,11 +429,11 @@ def _add_few(
     group: Group, found: Sequence[tuple[int, RunSums]], places: Sequence[int], motions: Sequence[int | None]
 ) -> None:
     """Add the few runs of a group, by their numbers: where no motion comes again, by parts."""
-    group.by_turns = all(part.noise is None for _, sums in found for part in sums.parts)
+    group.in_parts = all(part.noise is None for _, sums in found for part in sums.parts)
     conditions, size = [fold.condition for fold in group.dealt], len(group.noise)
-    if group.by_turns:
-        turns = sorted({part.turn for _, sums in found for part in sums.parts})
-        group.dealt = [Fold(c, turn) for c in sorted(set(conditions)) for turn in turns]
+    if group.in_parts:
+        splits = sorted({part.split for _, sums in found for part in sums.parts})
+        group.dealt = [Fold(c, split) for c in sorted(set(conditions)) for split in splits]
         group.folds = [empty(size) for _ in group.dealt]
     for number, sums in found:
         _add(group, places[number], sums, number, motions[number], conditions[places[number]])
@@ -442,8 +442,8 @@ def _add_few(
 def _add(
     group: Group, k: int, found: RunSums, number: int, motion: int | None, condition: int | None = None
 ) -> None:
-    """Add the run of this number to fold ``k`` of its group, or by turns to those of its ``condition``."""
-    if group.by_turns:
+    """Add the run of this number to fold ``k`` of its group, or its parts to those of its ``condition``."""
+    if group.in_parts:
         for fold, dealt in zip(group.folds, group.dealt, strict=True):
             if dealt.condition == condition:
                 found.add_to(fold, number, dealt.split)

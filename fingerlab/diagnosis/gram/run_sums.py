@@ -30,9 +30,9 @@ from fingerlab.diagnosis.gram.decimation import (
     decimated_columns,
     to_cache,
 )
-from fingerlab.diagnosis.gram.state_law import block_count, of_turn, signal_products, torque_products
+from fingerlab.diagnosis.gram.state_law import block_count, of_split, signal_products, torque_products
 from fingerlab.diagnosis.gram.sums import Cycle, PairSums, Part, RunSums, Sums, finer_of
-from fingerlab.diagnosis.settings import MOST_HARMONICS, NARROW_RATE_HZ, TASKS_AHEAD, TREND_DEGREE, TURNS
+from fingerlab.diagnosis.settings import MOST_HARMONICS, NARROW_RATE_HZ, SPLITS, TASKS_AHEAD, TREND_DEGREE
 from fingerlab.diagnosis.signals.channel_checks import facts_of
 from fingerlab.diagnosis.signals.conditions import GroupKey
 from fingerlab.diagnosis.signals.filters import noise_of_derivatives
@@ -154,8 +154,8 @@ def run_sums(
         live = np.ascontiguousarray(low.columns.T[low.live])
         repeating = repeating_bases(low, run, asked.seek_cycle)
         if repeating is None:
-            for turn, part, totals in _products_by_turns(low, live, asked.by_turns):
-                result.add(Part(low.live + asked.start, part, totals, turn=turn))
+            for split, part, totals in _products_by_split(low, live, asked.in_parts):
+                result.add(Part(low.live + asked.start, part, totals, split=split))
             if motion.finger is None:
                 result.state_products += torque_products(low, asked.orders)
             elif asked.by_state:
@@ -203,15 +203,15 @@ def _decimated(
         cache.keep(number, found)
 
 
-def _products_by_turns(low: Decimated, live: Array, by_turns: bool) -> Iterator[tuple[int, Sums, Array]]:
-    """The same as :func:`_products` of what is left out in each turn; of all, if there are no turns."""
-    if not by_turns:
+def _products_by_split(low: Decimated, live: Array, in_parts: bool) -> Iterator[tuple[int, Sums, Array]]:
+    """The same as :func:`_products` of what is left out in each split; of all, if there are no splits."""
+    if not in_parts:
         yield 0, *_products(low, live)
         return
     blocks = np.array_split(np.arange(len(low.time)), block_count(len(low.time)))
-    for turn in range(TURNS):
-        if mine := blocks[of_turn(turn, len(blocks))]:
-            yield turn, *_products(low, live, np.concatenate(mine))
+    for split in range(SPLITS):
+        if mine := blocks[of_split(split, len(blocks))]:
+            yield split, *_products(low, live, np.concatenate(mine))
 
 
 def _products(low: Decimated, live: Array, of: IntArray | None = None) -> tuple[Sums, Array]:

@@ -24,6 +24,7 @@ from fingerlab.diagnosis.settings import (
     LEAST_BLOCK,
     LEAST_OWN_SHARE,
     MUCH_THE_SAME,
+    SPLITS,
     STATE_DAMPING,
     STATE_LEAST_GAIN,
     STATE_MEMORIES_S,
@@ -31,7 +32,6 @@ from fingerlab.diagnosis.settings import (
     STATE_RIDGE,
     STATE_SPEEDS,
     STATE_TRAVELS_DEG,
-    TURNS,
 )
 from fingerlab.diagnosis.signals.filters import decimate
 from fingerlab.physics.friction_states import first_order_lags, slip_states
@@ -118,14 +118,14 @@ def _by_blocks(signals: Array) -> list[Array]:
     return [block @ block.T for block in np.array_split(signals, block_count(signals.shape[1]), axis=1)]
 
 
-def of_turn(turn: int, blocks: int) -> slice:
-    """Which of so many blocks are left out in a turn: neighbours, since what wanders is alike in them."""
-    return slice(turn * blocks // TURNS, (turn + 1) * blocks // TURNS)
+def of_split(split: int, blocks: int) -> slice:
+    """Which of so many blocks are left out in a split: neighbours, since what wanders is alike in them."""
+    return slice(split * blocks // SPLITS, (split + 1) * blocks // SPLITS)
 
 
 def block_count(samples: int) -> int:
     """How many blocks a stretch of decimated samples is cut into."""
-    return max(round(samples / BLOCK), min(TURNS, samples // LEAST_BLOCK), 1)
+    return max(round(samples / BLOCK), min(SPLITS, samples // LEAST_BLOCK), 1)
 
 
 def left_out_covariance(
@@ -166,11 +166,11 @@ def _parts(runs: Sequence[Sequence[Array]]) -> list[Array]:
     """What is left out in turn: runs, or where they are few, a part of each."""
     runs = [blocks for blocks in runs if blocks]
     if len(runs) < FEW_RUNS:
-        turns = [
-            [block for blocks in runs for block in blocks[of_turn(turn, len(blocks))]]
-            for turn in range(TURNS)
+        splits = [
+            [block for blocks in runs for block in blocks[of_split(split, len(blocks))]]
+            for split in range(SPLITS)
         ]
-        runs = [blocks for blocks in turns if blocks]
+        runs = [blocks for blocks in splits if blocks]
     return [sum(blocks[1:], blocks[0]) for blocks in runs]
 
 

@@ -169,8 +169,8 @@ def empty(size: int) -> Sums:
 class Part:
     """Sums over one or more stretches in which the same signals are ``live``, and of those alone.
 
-    ``totals`` (3, live) as in :class:`RunTotals`; ``noise`` is None where nothing repeats. ``turn``: in which
-    turn it is left out, where the run it is of is one of few.
+    ``totals`` (3, live) as in :class:`RunTotals`; ``noise`` is None where nothing repeats. ``split``: in
+    which it is left out, where the run it is of is one of few.
     """
 
     live: IntArray
@@ -178,7 +178,7 @@ class Part:
     totals: Array
     noise: Array | None = None
     noise_samples: float = 0.0
-    turn: int = 0
+    split: int = 0
 
 
 @dataclass(frozen=True)
@@ -228,7 +228,7 @@ class RunSums:
     def add(self, part: Part) -> None:
         """Count another stretch; what is alike is added up, so that a long run takes no more room."""
         for mine in self.parts:
-            alike = mine.turn == part.turn and (mine.noise is None) == (part.noise is None)
+            alike = mine.split == part.split and (mine.noise is None) == (part.noise is None)
             if alike and np.array_equal(mine.live, part.live):
                 mine.sums.add(part.sums)
                 mine.totals += part.totals
@@ -238,10 +238,10 @@ class RunSums:
                 return
         self.parts.append(part)
 
-    def add_to(self, fold: Sums, number: int, turn: int | None = None) -> None:
-        """Count in ``fold`` the run, which has this ``number``, or what of it is left out in a ``turn``."""
+    def add_to(self, fold: Sums, number: int, split: int | None = None) -> None:
+        """Count in ``fold`` the run, which has this ``number``, or what of it is left out in a ``split``."""
         values, counts = np.zeros((3, len(fold.products))), np.zeros(3)
-        parts = [part for part in self.parts if turn is None or part.turn == turn]
+        parts = [part for part in self.parts if split is None or part.split == split]
         for part in parts:
             fold.add(part.sums, part.live)
             values[:, part.live] += part.totals
@@ -276,7 +276,7 @@ class Group:
     """Of runs that were told the same motion, by motion and stretch."""
     bounded: bool = False
     """Whether its noise is what no law of the state tells, since no motion comes again: a bound."""
-    by_turns: bool = False
+    in_parts: bool = False
     """Whether a fold is no run or some, but a part of each of the few runs of a condition."""
 
     def __post_init__(self) -> None:
@@ -295,7 +295,7 @@ class Group:
     @property
     def independent_runs(self) -> int:
         """Its runs; of more than are held out one by one, its folds."""
-        return len(self.run_totals) if self.by_turns else len(self.dealt)
+        return len(self.run_totals) if self.in_parts else len(self.dealt)
 
     @property
     def conditions(self) -> list[int]:
