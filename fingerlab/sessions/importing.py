@@ -17,6 +17,7 @@ from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress
 from fingerlab.core.text import factor
 from fingerlab.rig.file import UNTOLD, Motor, Rig
+from fingerlab.sessions.disk_files import file_hash
 from fingerlab.sessions.hdf5 import sample_fault
 from fingerlab.sessions.left_out import RowsLeftOut, kept_rows
 from fingerlab.sessions.mapping import AXIS_RADIUS_M, Axis, Column, Table, axis_lacks, map_columns, words_of
@@ -196,13 +197,23 @@ def left_out_words(path: Path) -> list[str]:
 
 
 def describe_all(plans: Sequence[ImportPlan]) -> list[str]:
-    """The plans in lines of text; a file that is laid out as the one before it is told in one."""
+    """The plans in lines of text; a file that is laid out as the one before it is told in one.
+
+    A log of one axis that repeats another one is told: two runs that are one pass for a motion that returns.
+    """
     lines, before = list[str](), list[str]()
     for plan in plans:
         first, *rest = describe(plan)
         layout = [first.removeprefix(str(plan.table.path)), *rest]
         lines += [f"{plan.table.path}: as the one before it"] if layout == before else [first, *rest]
         before = layout
+    known = dict[str, Path]()
+    for path in dict.fromkeys(plan.table.path for plan in plans if plan.source.phase == "motor_bench"):
+        same = known.setdefault(file_hash(path), path)
+        if same != path:
+            lines.append(
+                f"{path} holds the same as {same}, which makes one motion seem to come again: leave it out."
+            )
     return lines
 
 

@@ -540,3 +540,18 @@ def test_a_mat_file_takes_nothing_from_other_files(tmp_path, capsys):
 
 def test_a_motor_that_spins_past_half_a_turn_a_sample_is_not_guessed_at():
     assert math.isclose(float(unwrapped(np.array([0.0, 6.2]))[1]), 6.2 - 2 * np.pi)
+
+
+def test_a_log_that_holds_the_same_as_another_one_is_told(tmp_path, capsys):
+    """Two runs that are one would pass for a motion that comes again."""
+    header = "t_ms,theta_m_deg,tau_Ncm"
+    a, b = (
+        written(tmp_path / f"{name}.csv", header, 1000 * TIME, np.degrees(TURN), 100 * TORQUE)
+        for name in "ab"
+    )
+    c = written(tmp_path / "c.csv", header, 1000 * TIME, np.degrees(TURN), 101 * TORQUE)
+    code, _, err = run_main(["import", "--axis", a, b, c, "--out", tmp_path / "x.h5"], capsys)
+    assert code == 0
+    told = [line for line in err.splitlines() if "leave it out" in line]
+    assert len(told) == 1
+    assert "b.csv holds the same as" in told[0]
