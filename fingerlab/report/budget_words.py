@@ -232,10 +232,10 @@ def mending_sentence(diagnosis: Diagnosis) -> str:
     if not (diagnosis.verdict == Verdict.NOTHING_MISSING and first.kind == "unknown"):
         whole = _error(budget, sqrt(budget.mean_square))
         return (
-            f"Worth mending first: {share}{judged_on(diagnosis)}. {without} instead of {whole}. "
+            f"Worth mending first: {share}{judged_on(diagnosis).rstrip(',')}. {without} instead of {whole}. "
             f"{first.how}".rstrip()
         )
-    return f"{_held_for_nothing(budget, title)} Largest part: {share}{judged_on(diagnosis)}. {without}."
+    return f"{_held_for_nothing(budget, title)} Largest part: {share}{judged_on(diagnosis).rstrip(',')}. {without}."
 
 
 def _held_for_nothing(budget: Budget, title: str) -> str:

@@ -167,7 +167,7 @@ def one_run(diagnosis: Diagnosis) -> bool:
 def judged_on(diagnosis: Diagnosis) -> str:
     """What the errors are of: ``runs left out of the fit``."""
     if diagnosis.held_out_by_parts:
-        return f"parts of the {'one run there is' if one_run(diagnosis) else 'runs'}, left out of the fit,"
+        return f"parts of the {'one run' if one_run(diagnosis) else 'runs'} left out of the fit"
     return "the one run there is, which the fit has seen," if alone(diagnosis) else "runs left out of the fit"
 
 

@@ -75,8 +75,8 @@ def test_it_is_said_that_parts_of_the_runs_were_left_out() -> None:
     one, two = (diagnose([session(*motions)], with_curves=False) for motions in ((FAST,), (FAST, SLOW)))
     assert one.held_out_by_parts
     assert two.held_out_by_parts
-    assert judged_on(one) == "parts of the one run there is, left out of the fit,"
-    assert "the error on parts of the runs, left out of the fit, falls from" in verdict_sentence(two)
+    assert judged_on(one) == "parts of the one run left out of the fit"
+    assert "the error on parts of the runs left out of the fit falls from" in verdict_sentence(two)
     assert [share.run for share in two.run_shares] == ["000", "001"]
     assert sum(share.share for share in two.run_shares) == pytest.approx(two.score**2)
 
