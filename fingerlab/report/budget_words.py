@@ -227,15 +227,13 @@ def mending_sentence(diagnosis: Diagnosis) -> str:
         return f"Of the error of the {title}, all but the floor is too small to be worth mending."
     first = found[0]
     share = f"{in_sentence(first.title)}, {_share(first)} of the squared error of the {title} on "
+    share += judged_on(diagnosis).rstrip(",")
     without = f"Without it the error would be {first.after}"
     # What the verdict takes for too small to be told is not called worth mending.
     if not (diagnosis.verdict == Verdict.NOTHING_MISSING and first.kind == "unknown"):
         whole = _error(budget, sqrt(budget.mean_square))
-        return (
-            f"Worth mending first: {share}{judged_on(diagnosis).rstrip(',')}. {without} instead of {whole}. "
-            f"{first.how}".rstrip()
-        )
-    return f"{_held_for_nothing(budget, title)} Largest part: {share}{judged_on(diagnosis).rstrip(',')}. {without}."
+        return f"Worth mending first: {share}. {without} instead of {whole}. {first.how}".rstrip()
+    return f"{_held_for_nothing(budget, title)} Largest part: {share}. {without}."
 
 
 def _held_for_nothing(budget: Budget, title: str) -> str:
