@@ -166,11 +166,11 @@ SAME_DIFFERENCE = {"frequency_hz": 0.02, "amplitude_deg": 1.0, "offset_deg": 3.0
 """... or by less than this (Hz, degrees at the pulley, N m)."""
 MOST_FOLDS = 30
 """Folds of a group, whatever the number of its conditions: beyond, conditions share folds."""
-FEW_RUNS, SPLITS = 4, 2
-"""Fewer runs, in which no motion comes again, are held out in so many turns, the first half of each and the
-second; assumed. Of two, one slow and one fast, neither tells what the other holds; one has no other. In
-shorter parts what wanders is told by its neighbours: by eighths the floor of a machine whose friction wanders
-by 2 % was a half, and another friction seemed missing."""
+FEW_RUNS, SPLITS = 2, 2
+"""So many runs of a motor alone, or one, in which no motion comes again, are held out in so many turns, the
+first half of each and the second; assumed. Of two, one slow and one fast, neither tells what the other holds;
+one has no other. In shorter parts what wanders is told by its neighbours: by eighths the floor of a machine
+whose friction wanders by 2 % was a half, and another friction seemed missing."""
 FOLDS = 10
 """Runs of a condition are dealt to at most this many folds; ten runs or fewer are held out one by one."""
 
@@ -302,9 +302,8 @@ with memory or of each run's own less than a third of that, and a path explains 
 would; assumed. Of 116 simulated one-axis machines and nine real logs it holds for three with a transmission
 that winds up, one with play, two with an inertia of each run's own, and one whose friction sticks at 50 Hz.
 A law with memory tells four fifths of the real cogging's floor, too, but the ripple explains far more."""
-BLOCK, LEAST_BLOCK = 25, 6
-"""Decimated samples of a block, about 1 s at the thesis' pace, and at least; the low-pass makes two or three
-neighbours alike."""
+STATE_BLOCK = 50
+"""Decimated samples of a block, about 2 s: a single run is left out by such blocks."""
 
 # ## Constants that every run has of its own
 

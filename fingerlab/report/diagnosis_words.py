@@ -178,7 +178,7 @@ def how_judged(diagnosis: Diagnosis) -> str:
         return f"There is one run, which the fit has seen: {again}"
     if not diagnosis.held_out_by_parts:
         return "Every run was left out of the fit once and then predicted."
-    every = "Every part of it" if one_run(diagnosis) else "Every part of the few runs"
+    every = "Every part of it" if one_run(diagnosis) else "Every part of both runs"
     said = f"{every} was left out of the fit once and then predicted"
     return f"There is one run. {said}: {again}" if one_run(diagnosis) else f"{said}."
 

@@ -142,7 +142,7 @@ def fill_missing_noise(reduced: Reduced) -> None:
             bounded = variance == 0.0
             if bounded:
                 late = reduced.late_is_no_noise or reduced.layout.late_torque
-                found = [left_out_covariance(g.state_products, late=late) for g in alike]
+                found = [left_out_covariance(g.state_products, late=late, in_parts=g.in_parts) for g in alike]
                 variance = max((float(one[0, 0]) for one in found if one is not None), default=0.0)
                 variance *= reduced.torque_noise.share
             signal = _signal(reduced.layout, Row.BENCH, None)

@@ -349,7 +349,7 @@ class Reduction:
         asked, start = {}, 0
         for on_bench, layout in layouts.items():
             found = asked_of(layout, effects, self._first.get(on_bench), start, anew, seek_cycle)
-            in_parts = self._on_bench and len(runs) < FEW_RUNS
+            in_parts = self._on_bench and len(runs) <= FEW_RUNS
             asked[on_bench] = replace(found, orders=self._orders, by_state=by_state, in_parts=in_parts)
             start += layout.signal_count
         whole = joined(*layouts.values())

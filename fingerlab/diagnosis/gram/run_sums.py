@@ -30,7 +30,7 @@ from fingerlab.diagnosis.gram.decimation import (
     decimated_columns,
     to_cache,
 )
-from fingerlab.diagnosis.gram.state_law import block_count, of_split, signal_products, torque_products
+from fingerlab.diagnosis.gram.state_law import signal_products, torque_products
 from fingerlab.diagnosis.gram.sums import Cycle, PairSums, Part, RunSums, Sums, finer_of
 from fingerlab.diagnosis.settings import MOST_HARMONICS, NARROW_RATE_HZ, SPLITS, TASKS_AHEAD, TREND_DEGREE
 from fingerlab.diagnosis.signals.channel_checks import facts_of
@@ -157,7 +157,7 @@ def run_sums(
             for split, part, totals in _products_by_split(low, live, asked.in_parts):
                 result.add(Part(low.live + asked.start, part, totals, split=split))
             if motion.finger is None:
-                result.state_products += torque_products(low, asked.orders)
+                result.state_products += torque_products(low, asked.orders, in_parts=asked.in_parts)
             elif asked.by_state:
                 result.state_products += signal_products(low)
         else:
@@ -208,10 +208,8 @@ def _products_by_split(low: Decimated, live: Array, in_parts: bool) -> Iterator[
     if not in_parts:
         yield 0, *_products(low, live)
         return
-    blocks = np.array_split(np.arange(len(low.time)), block_count(len(low.time)))
-    for split in range(SPLITS):
-        if mine := blocks[of_split(split, len(blocks))]:
-            yield split, *_products(low, live, np.concatenate(mine))
+    for split, mine in enumerate(np.array_split(np.arange(len(low.time)), SPLITS)):
+        yield split, *_products(low, live, mine)
 
 
 def _products(low: Decimated, live: Array, of: IntArray | None = None) -> tuple[Sums, Array]:

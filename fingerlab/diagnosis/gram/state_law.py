@@ -19,12 +19,10 @@ import numpy as np
 
 from fingerlab.diagnosis.gram.decimation import Decimated, counted
 from fingerlab.diagnosis.settings import (
-    BLOCK,
-    FEW_RUNS,
-    LEAST_BLOCK,
     LEAST_OWN_SHARE,
     MUCH_THE_SAME,
     SPLITS,
+    STATE_BLOCK,
     STATE_DAMPING,
     STATE_LEAST_GAIN,
     STATE_MEMORIES_S,
@@ -70,12 +68,15 @@ def _functions(motion: Motion, orders: Sequence[float]) -> Array:
     )  # fmt: skip
 
 
-def torque_products(low: Decimated, orders: Sequence[float], with_memory: bool = False) -> list[Array]:
+def torque_products(
+    low: Decimated, orders: Sequence[float], with_memory: bool = False, in_parts: bool = False
+) -> list[Array]:
     """Of a motor alone: the functions, and the torque last.
 
     Args:
         orders: periods a turn at which the torque may repeat with the angle.
         with_memory: whether there are functions of the motion's past among them.
+        in_parts: whether the blocks are the parts in which few runs are left out.
 
     Returns:
         Products over blocks of the stretch, (functions + 1,) * 2 each.
@@ -83,7 +84,8 @@ def torque_products(low: Decimated, orders: Sequence[float], with_memory: bool =
     motion = low.wide
     past = [_functions_of_past(motion)] if with_memory else []
     wide = np.concatenate((_functions(motion, orders), *past, motion.torque[None]))
-    return _by_blocks(decimate(wide[:, counted(motion)]))
+    signals = decimate(wide[:, counted(motion)])
+    return _by_blocks(signals, SPLITS if in_parts else _block_count(signals))
 
 
 def _functions_of_past(motion: Motion) -> Array:
@@ -111,36 +113,32 @@ def _swung(values: Array, pace: float, rate: float) -> Array:
 def signal_products(low: Decimated) -> list[Array]:
     """Of a finger: the same with all its signals behind the functions, (functions + signals,) * 2 each."""
     functions = decimate(_functions(low.wide, ())[:, counted(low.wide)])
-    return _by_blocks(np.concatenate((functions, low.columns.T)))
+    signals = np.concatenate((functions, low.columns.T))
+    return _by_blocks(signals, _block_count(signals))
 
 
-def _by_blocks(signals: Array) -> list[Array]:
-    return [block @ block.T for block in np.array_split(signals, block_count(signals.shape[1]), axis=1)]
+def _by_blocks(signals: Array, count: int) -> list[Array]:
+    return [block @ block.T for block in np.array_split(signals, count, axis=1)]
 
 
-def of_split(split: int, blocks: int) -> slice:
-    """Which of so many blocks are left out in a split: neighbours, since what wanders is alike in them."""
-    return slice(split * blocks // SPLITS, (split + 1) * blocks // SPLITS)
-
-
-def block_count(samples: int) -> int:
-    """How many blocks a stretch of decimated samples is cut into."""
-    return max(round(samples / BLOCK), min(SPLITS, samples // LEAST_BLOCK), 1)
+def _block_count(signals: Array) -> int:
+    return max(round(signals.shape[1] / STATE_BLOCK), 1)
 
 
 def left_out_covariance(
-    runs: Sequence[Sequence[Array]], signal_count: int = 1, late: bool = False
+    runs: Sequence[Sequence[Array]], signal_count: int = 1, late: bool = False, in_parts: bool = False
 ) -> Array | None:
     """Mean products of what no law of the state tells of signals where it has not seen them.
 
     Function after function is taken, while what was left out is told better by it; None: it is not known.
 
     Args:
-        runs: products over blocks of each, the signals last; see :func:`_parts`.
+        runs: products over blocks of each, the signals last.
         signal_count: number of the signals, on either side of the products.
         late: whether the torque may be logged late, so that the jerk is among the functions.
+        in_parts: whether the runs are few, and left out in parts.
     """
-    parts = _parts(runs)
+    parts = _parts(runs, in_parts)
     if len(parts) < 2:
         return None
     each = np.stack(parts)
@@ -162,15 +160,13 @@ def left_out_covariance(
     return found
 
 
-def _parts(runs: Sequence[Sequence[Array]]) -> list[Array]:
-    """What is left out in turn: runs, or where they are few, a part of each."""
+def _parts(runs: Sequence[Sequence[Array]], in_parts: bool) -> list[Array]:
+    """What is left out in turn: runs; a part of each, where they are few; of a single one, blocks."""
     runs = [blocks for blocks in runs if blocks]
-    if len(runs) < FEW_RUNS:
-        splits = [
-            [block for blocks in runs for block in blocks[of_split(split, len(blocks))]]
-            for split in range(SPLITS)
-        ]
-        runs = [blocks for blocks in splits if blocks]
+    if in_parts:
+        runs = [[block for blocks in runs for block in blocks[split::SPLITS]] for split in range(SPLITS)]
+    elif len(runs) == 1:
+        return list(runs[0])
     return [sum(blocks[1:], blocks[0]) for blocks in runs]
 
 
