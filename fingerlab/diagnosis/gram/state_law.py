@@ -85,7 +85,7 @@ def torque_products(
     past = [_functions_of_past(motion)] if with_memory else []
     wide = np.concatenate((_functions(motion, orders), *past, motion.torque[None]))
     signals = decimate(wide[:, counted(motion)])
-    return _by_blocks(signals, SPLITS if in_parts else _block_count(signals))
+    return _by_blocks(signals, 2 * SPLITS if in_parts else _block_count(signals))
 
 
 def _functions_of_past(motion: Motion) -> Array:
@@ -136,9 +136,29 @@ def left_out_covariance(
         runs: products over blocks of each, the signals last.
         signal_count: number of the signals, on either side of the products.
         late: whether the torque may be logged late, so that the jerk is among the functions.
-        in_parts: whether the runs are few, and left out in parts.
+        in_parts: whether the runs are few. Their halves are left out, and every other quarter: whichever tells
+            more, for the halves of a run may have little in common.
     """
-    parts = _parts(runs, in_parts)
+    runs = [blocks for blocks in runs if blocks]
+    if in_parts:
+        halves = [[b for blocks in runs for b in _half(blocks, k)] for k in range(SPLITS)]
+        others = [[b for blocks in runs for b in blocks[k::SPLITS]] for k in range(SPLITS)]
+        found = [_of_parts(_summed(each), signal_count, late) for each in (halves, others)]
+        return min((one for one in found if one is not None), key=lambda c: float(np.trace(c)), default=None)
+    # Of a single run, every block for itself.
+    return _of_parts(list(runs[0]) if len(runs) == 1 else _summed(runs), signal_count, late)
+
+
+def _half(blocks: Sequence[Array], k: int) -> Sequence[Array]:
+    return blocks[k * len(blocks) // SPLITS : (k + 1) * len(blocks) // SPLITS]
+
+
+def _summed(parts: Sequence[Sequence[Array]]) -> list[Array]:
+    return [sum(blocks[1:], blocks[0]) for blocks in parts if blocks]
+
+
+def _of_parts(parts: Sequence[Array], signal_count: int, late: bool) -> Array | None:
+    """The same of parts that are left out one by one."""
     if len(parts) < 2:
         return None
     each = np.stack(parts)
@@ -158,16 +178,6 @@ def left_out_covariance(
         found = tried[best]
         taken.append(rest.pop(best))
     return found
-
-
-def _parts(runs: Sequence[Sequence[Array]], in_parts: bool) -> list[Array]:
-    """What is left out in turn: runs; a part of each, where they are few; of a single one, blocks."""
-    runs = [blocks for blocks in runs if blocks]
-    if in_parts:
-        runs = [[block for blocks in runs for block in blocks[split::SPLITS]] for split in range(SPLITS)]
-    elif len(runs) == 1:
-        return list(runs[0])
-    return [sum(blocks[1:], blocks[0]) for blocks in runs]
 
 
 def variance_of_noise(runs: Sequence[Sequence[Array]]) -> float:
