@@ -136,8 +136,8 @@ def left_out_covariance(
         runs: products over blocks of each, the signals last.
         signal_count: number of the signals, on either side of the products.
         late: whether the torque may be logged late, so that the jerk is among the functions.
-        in_parts: whether the runs are few. Their halves are left out, and every other quarter: whichever tells
-            more, for the halves of a run may have little in common.
+        in_parts: whether the runs are few. Their halves are left out, and every other quarter; whichever
+            tells more is taken, for the halves of a run may have little in common.
     """
     runs = [blocks for blocks in runs if blocks]
     if in_parts:
