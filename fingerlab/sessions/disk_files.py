@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import io
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -252,21 +252,27 @@ def refuse_twice(sessions: Sequence[Session]) -> None:
     Raises:
         UserError: so it is, or a file can no longer be read.
     """
-    if len(sessions) < 2:
+    for before, path in repeated_files([session.path for session in sessions]):
+        if before.resolve() == path.resolve():
+            raise UserError(f"{path} is given twice; give each session once.")
+        raise UserError(f"{before} and {path} hold the same recording; give one of them.")
+
+
+def repeated_files(paths: Sequence[Path]) -> Iterator[tuple[Path, Path]]:
+    """Files that hold the same as one before them, behind that one; those that differ in size are not read.
+
+    Raises:
+        UserError: a file can no longer be read.
+    """
+    if len(paths) < 2:
         return
-    sizes = [_size(session.path) for session in sessions]
+    sizes = [_size(path) for path in paths]
     known: dict[str, Path] = {}
-    for session, size in zip(sessions, sizes, strict=True):
-        if sizes.count(size) == 1:
-            continue
-        content = content_hash(session)
-        before = known.get(content)
-        if before is None:
-            known[content] = session.path
-            continue
-        if before.resolve() == session.path.resolve():
-            raise UserError(f"{session.path} is given twice; give each session once.")
-        raise UserError(f"{before} and {session.path} hold the same recording; give one of them.")
+    for path, size in zip(paths, sizes, strict=True):
+        content = file_hash(path) if sizes.count(size) > 1 else ""
+        if content and content in known:
+            yield known[content], path
+        known[content] = path
 
 
 def _size(path: Path) -> int:

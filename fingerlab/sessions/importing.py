@@ -17,7 +17,7 @@ from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress
 from fingerlab.core.text import factor
 from fingerlab.rig.file import UNTOLD, Motor, Rig
-from fingerlab.sessions.disk_files import file_hash
+from fingerlab.sessions.disk_files import repeated_files
 from fingerlab.sessions.hdf5 import sample_fault
 from fingerlab.sessions.left_out import RowsLeftOut, kept_rows
 from fingerlab.sessions.mapping import AXIS_RADIUS_M, Axis, Column, Table, axis_lacks, map_columns, words_of
@@ -207,13 +207,11 @@ def describe_all(plans: Sequence[ImportPlan]) -> list[str]:
         layout = [first.removeprefix(str(plan.table.path)), *rest]
         lines += [f"{plan.table.path}: as the one before it"] if layout == before else [first, *rest]
         before = layout
-    known = dict[str, Path]()
-    for path in dict.fromkeys(plan.table.path for plan in plans if plan.source.phase == "motor_bench"):
-        same = known.setdefault(file_hash(path), path)
-        if same != path:
-            lines.append(
-                f"{path} holds the same as {same}, which makes one motion seem to come again: leave it out."
-            )
+    logs = dict.fromkeys(plan.table.path for plan in plans if plan.source.phase == "motor_bench")
+    for same, path in repeated_files(list(logs)):
+        lines.append(
+            f"{path} holds the same as {same}, which makes one motion seem to come again: leave it out."
+        )
     return lines
 
 

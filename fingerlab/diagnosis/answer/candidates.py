@@ -88,7 +88,7 @@ def candidates(
 
     Args:
         prints: curves of an effect, by its id. loose: the cable was slack at times.
-        alone: there is one run, so that none was held out.
+        alone: there is one run, of which nothing was held out.
     """
     result = []
     evidence = judged.evidence
@@ -228,7 +228,7 @@ def explanation(
     Args:
         shown: whether it would have shown at a typical strength. least: the multiple of that from which on.
         replaced: ids of the effects of the base in whose place it is in ``fitted``.
-        alone: there is one run, so that none was held out.
+        alone: there is one run, of which nothing was held out.
     """
     error = "the error" if alone else "the held-out error"
     before, after = score_text(evidence.base.score), score_text(fitted.score)

@@ -251,7 +251,7 @@ class Scorer:
     def score_held_out(self, fitted: FittedModel, residuals: bool = False) -> FittedModel:
         """The model with every run scored by a fit that has not seen it.
 
-        The folds of one split are left out together. A group with one run only is scored in sample. With
+        The folds of one split are left out together. A group with one fold only is scored in sample. With
         ``residuals`` the equations' own residuals are kept too, and what is left fold by fold.
         """
         groups = self.reduced.groups
