@@ -38,7 +38,7 @@ def error_at_the_end(path: Path) -> float:
 
 
 def test_what_a_motor_alone_can_have_is_asked_of_the_surgical_tool(shared_data: Path) -> None:
-    """Its friction flips with the direction of travel, not with speed; what it leaves unexplained is told."""
+    """Its friction flips with the direction of travel, not with speed, and grows with the load that it lifts."""
     result = diagnosed(shared_data / "cable-tool.h5")
     assert result.verdict == "missing_effect"
     scores = {c.effect: c.score for c in result.candidates}
@@ -46,6 +46,13 @@ def test_what_a_motor_alone_can_have_is_asked_of_the_surgical_tool(shared_data: 
     assert scores["motor_viscous_friction"] > 2.0 * scores["motor_coulomb_friction"]
     assert result.candidates[0].effect in LIKE_COULOMB
     assert set(result.errors) == {"motor_torque"}
+    assert "load_dependent_friction" in [step.added for step in result.path]
+    assert result.path[-1].score < 1.3
+
+
+def test_what_a_path_leaves_unexplained_is_told(shared_data: Path) -> None:
+    """Coulomb friction leaves of the seal what no law beside it explains: a little more than regression does."""
+    result = diagnosed(shared_data / "real-seal.h5")
     assert result.path[-1].score > UNEXPLAINED
     assert "What then remains above the floor is not explained." in path_sentence(result)
 

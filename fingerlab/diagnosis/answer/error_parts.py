@@ -151,12 +151,16 @@ class Comparison:
 
 @dataclass(frozen=True)
 class EquationError:
-    """Error of one equation family on held-out runs; ``rmse`` and ``floor`` in ``unit``."""
+    """Error of one equation family on held-out runs; ``rmse`` and ``floor`` in ``unit``.
+
+    ``rubbing``: what the score takes for the tip's friction in contact on top of the floor, rms in ``unit``.
+    """
 
     unit: str
     rmse: float
     r2: float
     floor: float
+    rubbing: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -164,16 +168,10 @@ class RowAndScore:
     """What leads from the row of the motor's torque to the error over all: factors, which multiply to it.
 
     Attributes:
-        own_floor, last_floor: what the model leaves otherwise from cycle to cycle, and what the last model of
-            the path does, by which the score is told; N m.
-        yardstick: one of these in the other.
         runs: what runs may differ by: in the row's floor, and taken off by the score.
         stuck: moments at which the motor sticks, which the score weighs less.
     """
 
-    own_floor: float
-    last_floor: float
-    yardstick: float
     runs: float
     stuck: float
 

@@ -23,7 +23,7 @@ from fingerlab.diagnosis.answer.results import HeldOutRuns
 from fingerlab.diagnosis.equations.coefficients import NO_SHIFT
 from fingerlab.diagnosis.equations.features import FORCE
 from fingerlab.diagnosis.equations.parameters import TORQUE_ZERO
-from fingerlab.diagnosis.fit.noise import floor_covariance, misfit_floor
+from fingerlab.diagnosis.fit.noise import floor_covariance, misfit_floor, tip_friction_covariance
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.gram.run_constants import EquationWeights, RunTotals, by_run
 from fingerlab.diagnosis.gram.sums import Group, Reduced
@@ -50,32 +50,33 @@ def equation_errors(
     """
     sums: dict[str, Array] = {}
     for group in reduced.groups:
-        residual = fitted.residuals[group.key]
         of = fitted.model, fitted.fit.values, group, fitted.weights[group.key]
         noise = misfit_floor(*of) if cycles_alone else floor_covariance(*of, means=reduced.constants is None)
-        for family, values in _families(reduced, fitted, group, residual, noise).items():
-            sums[family] = sums.get(family, np.zeros(4)) + group.samples * np.array([*values, 1.0])
+        squares = fitted.residuals[group.key], noise, tip_friction_covariance(*of)
+        for family, values in _families(reduced, fitted, group, squares).items():
+            sums[family] = sums.get(family, np.zeros(5)) + group.samples * np.array([*values, 1.0])
     result = {}
     for family, unit in FAMILY_UNITS.items():
         if family in sums:
-            error, floor, spread, count = sums[family]
+            error, floor, rubbing, spread, count = sums[family]
             size = reduced.layout.scales.of(unit)
             result[family] = EquationError(
                 unit,
                 size * float(np.sqrt(error / count)),
                 float(1.0 - error / max(spread, 1e-30)),
                 size * float(np.sqrt(floor / count)),
+                size * float(np.sqrt(max(rubbing, 0.0) / count)),
             )
     return result
 
 
 def _families(
-    reduced: Reduced, fitted: FittedModel, group: Group, residual: Array, noise: Array
-) -> dict[str, tuple[float, float, float]]:
-    """For each family: mean square of the residual, of the noise, and variance of what was measured."""
+    reduced: Reduced, fitted: FittedModel, group: Group, squares: Sequence[Array]
+) -> dict[str, tuple[float, ...]]:
+    """For each family: mean squares by these products of the equations, and variance of what was measured."""
     result = {}
     for family, (weights, measured) in squares_by_family(reduced, fitted, group).items():
-        result[family] = (float((weights * residual).sum()), float((weights * noise).sum()), measured)
+        result[family] = (*(float((weights * one).sum()) for one in squares), measured)
     return result
 
 

@@ -1,8 +1,7 @@
 """Why the one row of a motor alone may tell another multiple of its floor than the error over all does.
 
-Both are of the same residual. The row takes it as it is, by a floor of this model's own: what it leaves
-otherwise from cycle to cycle, and what runs differ by. The score weighs it as every model of the answer, by
-what the last model of the path leaves from cycle to cycle, and takes off what a run may have of its own.
+Both are of the same residual. The row takes it as it is, by how well the torque repeats from cycle to cycle
+and what runs differ by. The score weighs it by the former alone, and takes off what a run may have of its own.
 """
 
 from __future__ import annotations
@@ -33,19 +32,13 @@ def row_and_score(scorer: Scorer, fitted: FittedModel) -> RowAndScore | None:
         return None
     row = equation_errors(scorer.reduced, fitted)["motor_torque"]
     alone = equation_errors(scorer.reduced, fitted, cycles_alone=True)["motor_torque"]
-    left = np.array([fitted.residuals[group.key][Row.BENCH, Row.BENCH] for group in groups])
-    samples = np.array([float(group.samples) for group in groups])
-    by_last = sqrt(float(samples @ (left * weights)) / samples.sum())
-    if min(row.floor, alone.floor, alone.rmse, by_last) <= 0.0:
+    if min(row.floor, alone.floor) <= 0.0:
         return None
     weighed = Fitter(fitted.model, scorer.data, fitted.weights)
     full = _in_floors(scorer, fitted, weighed)
     weighed.set_friction_weights(fitted.fit.values)
     less = _in_floors(scorer, fitted, weighed)
     return RowAndScore(
-        own_floor=alone.floor,
-        last_floor=alone.rmse / by_last,
-        yardstick=by_last * alone.floor / alone.rmse,
         runs=row.floor / alone.floor * fitted.score / less,
         stuck=less / full,
     )

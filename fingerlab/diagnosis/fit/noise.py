@@ -285,16 +285,27 @@ def floor_covariance(model: Model, values: Array, group: Group, weights: Array, 
 
 
 def misfit_floor(model: Model, values: Array, group: Group, weights: Array) -> Array:
-    """That above which a residual is misfit, (5, 5): noise, or where nothing repeats that of the ``weights``.
+    """That above which a residual is misfit, (5, 5): noise, or for a motor alone that of the ``weights``.
 
-    They are the last model's, whose misfit counts as noise for all others.
+    They stand for how well its torque repeats, which no effect has a say in; where nothing repeats they are the
+    last model's, whose misfit counts as noise for all others.
     """
-    if group.repeats:
+    if group.repeats and not group.on_bench:
         return noise_covariance(model, values, group)
     exist = np.flatnonzero(np.diag(weights) > 0)
     floor = np.zeros_like(weights)
     floor[np.ix_(exist, exist)] = np.linalg.inv(weights[np.ix_(exist, exist)])
     return floor
+
+
+def tip_friction_covariance(model: Model, values: Array, group: Group, weights: Array) -> Array:
+    """What the ``weights`` take for the tip's friction on top of the noise, (5, 5); none without contact."""
+    if not (group.in_contact and group.repeats):
+        return np.zeros_like(weights)
+    exist = np.flatnonzero(np.diag(weights) > 0)
+    found = np.zeros_like(weights)
+    found[np.ix_(exist, exist)] = np.linalg.inv(weights[np.ix_(exist, exist)])
+    return found - misfit_floor(model, values, group, weights)
 
 
 def encoder_spread(variance: float) -> Array:
@@ -327,9 +338,38 @@ def noise_weights(model: Model, values: Array, group: Group) -> Array:
         values: of the model's unknowns, (p,).
     """
     covariance = noise_covariance(model, values, group)
+    if group.on_bench and group.repeats:
+        covariance[Row.BENCH, Row.BENCH] = torque_repeatability(model, values, group)
     if group.in_contact:
         covariance = covariance + TIP_FRICTION_SPREAD**2 * _rubbing(model, values, group)
     return _inverse(covariance, group.on_bench)
+
+
+def torque_repeatability(model: Model, values: Array, group: Group) -> float:
+    """Variance of a motor's torque that its own motion does not tell from cycle to cycle, (N m)^2, of one sample.
+
+    By the recording alone: no effect has a say in it, for one whose law is steep at a reversal would call more
+    of the torque noise than another, and every model would be told in floors of its own. What motions differ
+    by is taken off as the torque follows it; what the encoder adds to an acceleration comes on top.
+    """
+    features = [model.layout.features[i] for i in model.active]
+    own = [k for k, f in enumerate(features) if f.row is Row.BENCH and f.owner is None and f.scale == "direct"]
+    noise = model.pick.among(group.noise)[np.ix_(own, own)] / group.noise_samples
+    torque = [n for n, k in enumerate(own) if features[k].constant == -1.0 and features[k].shift is None]
+    motion = [n for n, k in enumerate(own) if n not in torque and noise[n, n] > 0.0]
+    variance = float(noise[np.ix_(torque, torque)].sum())
+    if motion:
+        spread = np.sqrt(np.diag(noise)[motion])
+        across = noise[motion][:, torque].sum(axis=1) / spread
+        among = noise[np.ix_(motion, motion)] / np.outer(spread, spread)
+        variance -= float(across @ np.linalg.lstsq(among, across, rcond=GRAM_RIDGE)[0])
+    if not group.bounded:
+        coefficients = model.features(values, group)
+        for k in own:
+            order = DERIVATIVES.get(features[k].parameter or "")
+            if order is not None:
+                variance += float(coefficients[k]) ** 2 * group.encoder_noise[order]
+    return max(variance, 0.0)
 
 
 def _rubbing(model: Model, values: Array, group: Group) -> Array:
