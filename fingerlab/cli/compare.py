@@ -170,7 +170,7 @@ def _comparison_json(result: ModelComparison) -> Any:
                     "effects": list(model.effects),
                     "left_out": model.left_out,
                     "score": model.score,
-                    "errors": {name: vars(error) for name, error in model.errors.items()},
+                    "errors": {name: error.to_json() for name, error in model.errors.items()},
                     "endpoint_force": _force_json(model),
                 }
                 for model in result.models

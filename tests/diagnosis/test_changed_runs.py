@@ -87,10 +87,18 @@ def test_a_change_that_is_told_is_no_missing_effect(name: str, plain: Session) -
     assert pair.words in paired_sentence(said)
 
 
-@pytest.mark.parametrize("name", ["mass", "load"])
-def test_the_same_change_untold_is_found_to_be_something(name: str, plain: Session) -> None:
-    said = diagnose([plain, changed(made.Bench(), name, told=False)], with_curves=False)
+def test_the_same_mass_untold_is_found_to_be_something(plain: Session) -> None:
+    said = diagnose([plain, changed(made.Bench(), "mass", told=False)], with_curves=False)
     assert said.score > 1.3
+    assert not said.paired
+
+
+def test_the_same_load_untold_is_a_zero_that_moved(plain: Session) -> None:
+    """A constant torque in one run alone; a joint stop was named for it when runs were left out by one step."""
+    said = diagnose([plain, changed(made.Bench(), "load", told=False)], with_curves=False)
+    assert said.verdict == "nothing_missing"
+    assert [(one.kind, one.channel) for one in said.bench] == [("moving_zero", "motor_torque")]
+    assert said.score < 1.1
     assert not said.paired
 
 

@@ -47,12 +47,6 @@ def test_what_a_motor_alone_can_have_is_asked_of_the_surgical_tool(shared_data: 
     assert result.candidates[0].effect in LIKE_COULOMB
     assert set(result.errors) == {"motor_torque"}
     assert "load_dependent_friction" in [step.added for step in result.path]
-    assert result.path[-1].score < 1.3
-
-
-def test_what_a_path_leaves_unexplained_is_told(shared_data: Path) -> None:
-    """Coulomb friction leaves of the seal what no law beside it explains: a little more than regression does."""
-    result = diagnosed(shared_data / "real-seal.h5")
     assert result.path[-1].score > UNEXPLAINED
     assert "What then remains above the floor is not explained." in path_sentence(result)
 

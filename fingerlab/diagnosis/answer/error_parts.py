@@ -162,6 +162,10 @@ class EquationError:
     floor: float
     rubbing: float = 0.0
 
+    def to_json(self) -> dict[str, Any]:
+        """As the contract has it."""
+        return {"unit": self.unit, "rmse": self.rmse, "r2": self.r2, "floor": self.floor}
+
 
 @dataclass(frozen=True)
 class RowAndScore:

@@ -295,7 +295,7 @@ class Diagnosis:
             "schema": 1,
             "sessions": list(self.sessions),
             "model": list(self.model),
-            "errors": {name: vars(error) for name, error in self.errors.items()},
+            "errors": {name: error.to_json() for name, error in self.errors.items()},
             "score": self.score,
             "verdict": self.verdict,
             "probability_nothing_missing": self.probability_nothing,

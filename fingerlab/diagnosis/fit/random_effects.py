@@ -207,31 +207,26 @@ class LeftOut:
     Attributes:
         values: of the unknowns, (p,). information: how well they are known, (p, p).
         free: those that no bound holds, (p,).
+        gradient: half the slope of their cost at the fit of all runs, (p,). fall: of their cost from there.
     """
 
     values: Array
     information: Array
     free: BoolArray
+    gradient: Array
+    fall: float
 
+    def widening(self, curvature: Array) -> float:
+        """Twice the log density that a run's constants, which the others tell only so well, take from it.
 
-def predictive_correction(own: Array, h: Array, sums: Weighted, jacobian: Array, left: LeftOut) -> float:
-    """The same for a run that was left out, with what the constants may be otherwise, in twice log density.
-
-    Args:
-        jacobian: derivatives of the coefficients, (k, p). left: what the other runs tell.
-    """
-    free = np.flatnonzero(left.free)
-    size = len(free)
-    basis = np.concatenate((jacobian[:, free], own), axis=1)
-    stiffness = np.eye(basis.shape[1])
-    stiffness[:size, :size] = left.information[np.ix_(free, free)]
-    scale = 1.0 / np.sqrt(np.diag(stiffness))  # the unknowns have units of their own
-    basis = basis * scale
-    stiffness = stiffness * np.outer(scale, scale)
-    after = stiffness + basis.T @ sums.curvature @ basis
-    pull = basis.T @ sums.matrix @ h
-    found = float(np.linalg.slogdet(after[:size, :size])[1] - np.linalg.slogdet(stiffness[:size, :size])[1])
-    return _fall_within_bounds(after, pull, size) - found
+        Args:
+            curvature: by how much better they would be known with the run, (p, p).
+        """
+        free = np.ix_(self.free, self.free)
+        known, more = self.information[free], curvature[free]
+        scale = 1.0 / np.sqrt(np.diag(known))  # the unknowns have units of their own
+        known, more = known * np.outer(scale, scale), more * np.outer(scale, scale)
+        return float(np.linalg.slogdet(known + more)[1] - np.linalg.slogdet(known)[1])
 
 
 def _fall_within_bounds(stiffness: Array, pull: Array, size: int) -> float:

@@ -28,7 +28,7 @@ from fingerlab.diagnosis.fit.noise import (
     products_of_rows,
 )
 from fingerlab.diagnosis.fit.priors import prior_penalty, starting_arms
-from fingerlab.diagnosis.fit.random_effects import LeftOut, explained, own_share, predictive_correction
+from fingerlab.diagnosis.fit.random_effects import LeftOut, explained, own_share
 from fingerlab.diagnosis.fit.solver import Fitter
 from fingerlab.diagnosis.gram.run_constants import EquationWeights, Offsets, RunConstants
 from fingerlab.diagnosis.gram.sums import Reduced
@@ -154,6 +154,17 @@ class Scorer:
         fitted = self.fit_same_law(choices, like, iterations, weights)
         return fitted if iterations < FULL_ITERATIONS else self.with_best_law(fitted, iterations)
 
+    def fit_from_each(
+        self, choices: Sequence[Choice], starts: Sequence[FittedModel], weights: Weights
+    ) -> FittedModel:
+        """The best fit to the end of those that begin at each of the models.
+
+        Where a tip may stick or slide a fit has more than one end: a model is not to look worse than one with an
+        effect more, which contains it, because it began elsewhere.
+        """
+        found = [self.fit(choices, one, FULL_ITERATIONS, weights) for one in starts]
+        return min(found, key=lambda one: one.fit.cost)
+
     def fit_same_law(
         self,
         choices: Sequence[Choice],
@@ -203,7 +214,11 @@ class Scorer:
         return min(settled, sliding, key=self.deviance)
 
     def _settled(self, fitted: FittedModel, law: str | None = None) -> FittedModel:
-        """The model fitted again until its weights belong to it; under one ``law`` of the tip if told."""
+        """The model fitted again until its weights belong to it; under one ``law`` of the tip if told.
+
+        Where fit and weights chase each other, as where noise is far above the motion in contact, the likeliest.
+        """
+        found = []
         for _ in range(MOST_ROUNDS):
             before, weights = fitted.weights, self.own_weights(fitted)
             if law is None:
@@ -211,8 +226,9 @@ class Scorer:
             else:
                 fitted = self.fit_same_law(fitted.choices, fitted, FULL_ITERATIONS, weights, law)
             if change(before, fitted.weights) < SETTLED:
-                break
-        return fitted
+                return fitted
+            found.append(fitted)
+        return min(found, key=self.deviance)
 
     def deviance(self, fitted: FittedModel) -> float:
         """Minus twice the log density of the data under a model and its own weights, up to a constant."""
@@ -259,15 +275,15 @@ class Scorer:
         products = {g.key: np.zeros((5, 5)) for g in groups}
         by_fold = {g.key: FoldErrors(np.zeros(len(g.dealt)), np.zeros((len(g.dealt), 5, 5))) for g in groups}
         fitter = self._fitter(fitted)
+        coefficients = fitter.coefficients(fitted.fit.values)
         for split in sorted({fold.split for g in groups for fold in g.dealt}):
             left = fitter.without(fitted.fit.values, split)
-            coefficients = fitter.coefficients(left.values)
             for i, group in enumerate(groups):
                 unseen = group.of_split(split)
                 for k, fold in enumerate(group.dealt):
                     if fold.split == split:
                         one = self._fold_chi_square(
-                            fitter, left.values, coefficients, i, k, left if k in unseen else None
+                            fitter, fitted.fit.values, coefficients, i, k, left if k in unseen else None
                         )
                         scored.setdefault((i, fold.condition), []).append(one)
                         by_fold[group.key].misfits[k] = one[0]
@@ -299,7 +315,7 @@ class Scorer:
             if within[0] > out[0]:
                 group = self.reduced.groups[i]
                 mine = group.of_condition(condition)
-                by_fold[group.key].misfits[mine] = seen[i][mine, 0]
+                by_fold[group.key].misfits[mine] = _no_less_than_nothing(seen[i][mine])[:, 0]
 
     def with_sensitivity(self, fitted: FittedModel) -> FittedModel:
         """A scored model with what only an answer needs: its misfit in sample, and its sensitivity."""
@@ -365,13 +381,12 @@ class Scorer:
 
     def _of_conditions(self, folds: Sequence[Array]) -> Array:
         """What the folds of every condition have together, (conditions, 2)."""
-        return np.array(
-            [
-                np.sum([found[k] for k in group.of_condition(c)], axis=0)
-                for group, found in zip(self.reduced.groups, folds, strict=True)
-                for c in group.conditions
-            ]
+        each = (
+            found[group.of_condition(c)]
+            for group, found in zip(self.reduced.groups, folds, strict=True)
+            for c in group.conditions
         )
+        return np.array([_no_less_than_nothing(found).sum(axis=0) for found in each])
 
     def _fold_chi_square(
         self,
@@ -389,17 +404,16 @@ class Scorer:
             left: what the other runs tell, where the fit has not seen this.
         """
         group, sums = self.reduced.groups[i], fitter.part(i, (k,))
-        h, jacobian = coefficients[0][i], coefficients[1][i]
+        h = coefficients[0][i]
         own = random_effect_columns(fitter.model, values, h, group, group.dealt[k].condition)
-        square = float(h @ sums.matrix @ h)
-        if left is None:
-            square -= explained(own, h, sums)
-        else:
-            square -= predictive_correction(own, h, sums, jacobian, left)
-        samples = EFFECTIVE_SHARE * group.folds[k].samples
+        square = float(h @ sums.matrix @ h) - explained(own, h, sums)
+        values = EFFECTIVE_SHARE * group.folds[k].samples * group.equations
+        if left is not None:
+            square += fitter.predictive_misfit(i, k, left)
         if self._above_weights and not group.repeats:
-            square -= samples * np.count_nonzero(np.diag(fitter.weights[group.key]))
-        return square, samples * group.equations
+            exist = np.count_nonzero(np.diag(fitter.weights[group.key]))
+            square -= EFFECTIVE_SHARE * group.folds[k].samples * exist
+        return square, values
 
     def run_offsets(self, fitted: FittedModel) -> list[Offsets]:
         """The constants that the runs of every group have of their own beside a scored model."""
@@ -458,6 +472,16 @@ class Scorer:
         if offsets is None:
             return found
         return offsets.taken_off(found, model, coefficients, self.data.totals(i, (k,)))
+
+
+def _no_less_than_nothing(folds: Array) -> Array:
+    """Misfit and number of values of the folds of a condition, (folds, 2), where noise is more than they hold.
+
+    A model whose steep law turns the sensors' noise into more than there is, by more than a value each, is as far
+    off as that.
+    """
+    misfit, values = folds.sum(axis=0)
+    return folds if misfit >= -values else folds * np.array([-1.0, 1.0])
 
 
 def _model_key(law: str, choices: Sequence[Choice]) -> tuple[object, ...]:

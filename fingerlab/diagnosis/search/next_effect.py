@@ -263,7 +263,7 @@ def judge_all(
             break
         leaders.add(leader.last_effect.id)
         weights = leader.weights
-        base = scorer.fit(base.choices, base, FULL_ITERATIONS, weights)
+        base = scorer.fit_from_each(base.choices, [base, leader], weights)
         # Under the new weights another effect may come to the front.
         again = (
             scorer.fit(c.choices, c, SCREEN_ITERATIONS if i < CANDIDATES_REFITTED else 1, weights)
@@ -339,7 +339,8 @@ def _readjusted(scorer: Scorer, fitted: FittedModel) -> FittedModel:
 
 def rescore(scorer: Scorer, evidence: Evidence, weights: Weights) -> Evidence:
     """The same verdict and probabilities, with every model fitted and scored under these weights."""
-    fitted = scorer.fit(evidence.base.choices, evidence.base, FULL_ITERATIONS, weights)
+    starts = [evidence.base, evidence.best] if evidence.candidates else [evidence.base]
+    fitted = scorer.fit_from_each(evidence.base.choices, starts, weights)
     base = scorer.with_sensitivity(scorer.score_held_out(fitted, residuals=True))
     scored = []
     for old in evidence.candidates:

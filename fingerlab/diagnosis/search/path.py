@@ -8,7 +8,7 @@ import numpy as np
 
 from fingerlab.core.progress import Watch
 from fingerlab.diagnosis.equations.model import Choice
-from fingerlab.diagnosis.fit.data import Weights
+from fingerlab.diagnosis.fit.data import Weights, change
 from fingerlab.diagnosis.score.evidence import Evidence, alike
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.score.scorer import Scorer
@@ -26,6 +26,7 @@ from fingerlab.diagnosis.settings import (
     LEAST_FALL_BEYOND,
     LONGEST_PATH,
     NEXT_SHARE,
+    OWN_WEIGHTS,
     RUNNERS_UP,
     SCREEN_ITERATIONS,
     STEP_GAIN,
@@ -143,13 +144,26 @@ def worth_adding(scorer: Scorer, base: FittedModel, best: FittedModel) -> bool:
     A model may not earn its own floor: what it calls noise has to be paid for in density. Nor may the bare
     model hide behind its own: where a tip seems to rub, its friction is noise to all else in contact.
     """
+    best = with_own_weights(scorer, best)
     settled = scorer.fit_reweighted(base.choices, base, best.weights)
-    before = scorer.score_held_out(scorer.fit(base.choices, base, FULL_ITERATIONS, settled.weights))
+    before = scorer.score_held_out(scorer.fit_from_each(base.choices, [base, best], settled.weights))
     gained = scorer.noise_deviance(best) - scorer.noise_deviance(before)
     reach = 0.0
     if not base.choices:
-        reach = scorer.score_held_out(scorer.fit(base.choices, base, FULL_ITERATIONS, best.weights)).misfit
+        reach = scorer.score_held_out(scorer.fit_from_each((), [base, best], best.weights)).misfit
     return justified(before, best, gained, reach)
+
+
+def with_own_weights(scorer: Scorer, fitted: FittedModel) -> FittedModel:
+    """The model, held out, under weights that belong to it, if it is likelier under those.
+
+    Where the tension is far noisier than what the joints miss of it apart, a moment arm that is a thousandth
+    another one turns that noise against the weights of another model: it had weighed a hundred times as much.
+    """
+    if change(fitted.weights, scorer.own_weights(fitted)) < OWN_WEIGHTS:
+        return fitted
+    settled = scorer.score_held_out(scorer.fit_reweighted(fitted.choices, fitted))
+    return min(fitted, settled, key=scorer.deviance)
 
 
 def eliminate_backward(scorer: Scorer, fitted: FittedModel, keep: int) -> FittedModel:
