@@ -379,7 +379,8 @@ STEP_FRACTIONS = (1.0, 0.5, 0.2, 0.05)
 """Shares of a Newton step that are tried until the cost falls; assumed: where a twentieth of it does not
 lower it, the fit has ended."""
 OWN_WEIGHTS = 0.5
-"""Weights that differ by no larger share from a model's own do as its own where densities are compared; assumed."""
+"""Weights that differ by no larger share from a model's own do as its own where densities are compared;
+assumed."""
 SETTLED = 0.05
 """Weights that change by no larger share belong to their fit: a score then changes by some per mille."""
 MOST_ROUNDS = 8

@@ -94,7 +94,7 @@ def test_the_same_mass_untold_is_found_to_be_something(plain: Session) -> None:
 
 
 def test_the_same_load_untold_is_a_zero_that_moved(plain: Session) -> None:
-    """A constant torque in one run alone; a joint stop was named for it when runs were left out by one step."""
+    """A constant torque in one run alone, for which a joint stop had been named."""
     said = diagnose([plain, changed(made.Bench(), "load", told=False)], with_curves=False)
     assert said.verdict == "nothing_missing"
     assert [(one.kind, one.channel) for one in said.bench] == [("moving_zero", "motor_torque")]

@@ -38,7 +38,7 @@ def error_at_the_end(path: Path) -> float:
 
 
 def test_what_a_motor_alone_can_have_is_asked_of_the_surgical_tool(shared_data: Path) -> None:
-    """Its friction flips with the direction of travel, not with speed, and grows with the load that it lifts."""
+    """Its friction flips with the direction of travel, not with speed, and grows with the load."""
     result = diagnosed(shared_data / "cable-tool.h5")
     assert result.verdict == "missing_effect"
     scores = {c.effect: c.score for c in result.candidates}

@@ -1,7 +1,8 @@
 """Why the one row of a motor alone may tell another multiple of its floor than the error over all does.
 
-Both are of the same residual. The row takes it as it is, by how well the torque repeats from cycle to cycle
-and what runs differ by. The score weighs it by the former alone, and takes off what a run may have of its own.
+Both are of the same residual. The row takes it as it is, by how well the torque repeats from cycle to
+cycle and what runs differ by. The score weighs it by the former alone, and takes off what a run may have of
+its own.
 """
 
 from __future__ import annotations

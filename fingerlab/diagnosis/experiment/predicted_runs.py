@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from fingerlab.acquisition.control.trajectories import read_trajectory
+from fingerlab.acquisition.control.trajectories import WAVES, read_trajectory
 from fingerlab.diagnosis.gram.sums import Reduced
 from fingerlab.diagnosis.settings import (
     BALANCE_STEPS,
@@ -177,6 +177,8 @@ def _changed_menu(
         changes |= {change} - {UNCHANGED}
         amplitude = run.trajectory.get("amplitude_deg")
         if change != UNCHANGED or run.phase == "contact" or not isinstance(amplitude, int | float):
+            continue
+        if run.trajectory.get("kind") not in WAVES:  # of another program: nobody here could drive it again
             continue
         known = widest.setdefault(run.cable_sign, run)
         if amplitude > float(known.trajectory["amplitude_deg"]):

@@ -287,8 +287,8 @@ def floor_covariance(model: Model, values: Array, group: Group, weights: Array, 
 def misfit_floor(model: Model, values: Array, group: Group, weights: Array) -> Array:
     """That above which a residual is misfit, (5, 5): noise, or for a motor alone that of the ``weights``.
 
-    They stand for how well its torque repeats, which no effect has a say in; where nothing repeats they are the
-    last model's, whose misfit counts as noise for all others.
+    They stand for how well its torque repeats, which no effect has a say in; where nothing repeats they are
+    the last model's, whose misfit counts as noise for all others.
     """
     if group.repeats and not group.on_bench:
         return noise_covariance(model, values, group)
@@ -346,14 +346,16 @@ def noise_weights(model: Model, values: Array, group: Group) -> Array:
 
 
 def torque_repeatability(model: Model, values: Array, group: Group) -> float:
-    """Variance of a motor's torque that its own motion does not tell from cycle to cycle, (N m)^2, of one sample.
+    """Variance of a motor's torque that its own motion does not tell from cycle to cycle, (N m)^2 a sample.
 
-    By the recording alone: no effect has a say in it, for one whose law is steep at a reversal would call more
-    of the torque noise than another, and every model would be told in floors of its own. What motions differ
-    by is taken off as the torque follows it; what the encoder adds to an acceleration comes on top.
+    By the recording alone: no effect has a say in it, for one whose law is steep at a reversal would call
+    more of the torque noise than another, and every model would be told in floors of its own. What motions
+    differ by is taken off as the torque follows it; what the encoder adds to an acceleration comes on top.
     """
     features = [model.layout.features[i] for i in model.active]
-    own = [k for k, f in enumerate(features) if f.row is Row.BENCH and f.owner is None and f.scale == "direct"]
+    own = [
+        k for k, f in enumerate(features) if f.row is Row.BENCH and f.owner is None and f.scale == "direct"
+    ]
     noise = model.pick.among(group.noise)[np.ix_(own, own)] / group.noise_samples
     torque = [n for n, k in enumerate(own) if features[k].constant == -1.0 and features[k].shift is None]
     motion = [n for n, k in enumerate(own) if n not in torque and noise[n, n] > 0.0]

@@ -76,12 +76,13 @@ class Fit:
 def predictive_misfit(left: LeftOut, pull: Array, bend: Array, low: Array, high: Array) -> float:
     """What a run adds to the cost of the others, each at its best, beyond its own misfit at the fit of all.
 
-    Both are looked at from the fit of all runs, near which the cost is a parabola: where the others hardly tell
-    some constants, theirs is far away, and what noise is taken off there is no longer that of the recordings.
+    Both are looked at from the fit of all runs, near which the cost is a parabola: where the others hardly
+    tell some constants, theirs is far away, and what noise is taken off there is no longer that of the
+    recordings.
 
     Args:
-        left: what the others tell. pull, bend: half the slope, (p,), and the curvature, (p, p), of the run's misfit
-            there. low, high: bounds of a step, (p,).
+        left: what the others tell. pull, bend: half the slope, (p,), and the curvature, (p, p), of the run's
+            misfit there. low, high: bounds of a step, (p,).
     """
     gradient, information = left.gradient + pull, left.information + bend
     step = bounded_step(np.zeros(len(pull)), gradient, information, low, high)
@@ -447,7 +448,7 @@ class Fitter:
         return LeftOut(values, information, free, gradient, fall)
 
     def predictive_misfit(self, i: int, k: int, left: LeftOut) -> float:
-        """What fold ``k`` of group ``i`` adds to the misfit of the runs but those of its split, at their best.
+        """What fold ``k`` of group ``i`` adds to the misfit of the runs but those of its split.
 
         In twice log density, beyond what it leaves at the fit of all runs.
         """

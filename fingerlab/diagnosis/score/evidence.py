@@ -35,6 +35,7 @@ from fingerlab.diagnosis.settings import (
     LACK_OF_FIT,
     LEAST_PROBABILITY,
     MOST_UNDETECTED,
+    NEARLY_RIGHT,
     NOT_BORNE_OUT,
     PRIOR_EFFECTS,
     PRIOR_NOTHING,
@@ -193,20 +194,26 @@ def judged_with_path(evidence: Evidence, last: FittedModel) -> Evidence:
     return replace(evidence, probabilities=shares, nothing=none, unknown=other, logs=logs)
 
 
-def averaged_over_weights(rescored: Evidence, first: str) -> Evidence:
+def averaged_over_weights(rescored: Evidence, first: FittedModel) -> Evidence:
     """The evidence with the mean of the odds that its effects have and those that its weights give them.
 
     How much of what is left a model may call noise is not known better: near the floor, odds of e^10 under
     the weights of the search were odds of e^-5 under those of the effect that it found.
 
     Args:
-        first: id of the effect that the path begins with; one that the mean prefers to it is only as likely.
+        first: model that the path leads to, its shape refined; an effect that the mean prefers to its own is
+            only as likely. Where the grids leave much, it counts as it is refined.
     """
-    again = log_odds_among(rescored.base, rescored.candidates)
-    log_odds = 0.5 * (rescored.log_odds + again)
-    for i, one in enumerate(rescored.candidates):
-        if one.last_effect.id == first:
-            log_odds[i] = max(log_odds[i], float(log_odds.max()) + TIE_LOG_ODDS)
+    names = [one.last_effect.id for one in rescored.candidates]
+    far = min((one.misfit / max(one.count, 1.0) for one in rescored.candidates), default=0.0) > NEARLY_RIGHT
+    closest = [
+        first if far and name == first.last_effect.id and first.misfit < one.misfit else one
+        for name, one in zip(names, rescored.candidates, strict=True)
+    ]
+    log_odds = 0.5 * (rescored.log_odds + log_odds_among(rescored.base, closest))
+    if first.last_effect.id in names:
+        i = names.index(first.last_effect.id)
+        log_odds[i] = max(log_odds[i], float(log_odds.max()) + TIE_LOG_ODDS)
     log_odds = log_odds - log_odds.max(initial=-np.inf)
     found = float(rescored.probabilities.sum())
     return replace(rescored, log_odds=log_odds, probabilities=found * shares_of(log_odds))

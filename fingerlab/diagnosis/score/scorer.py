@@ -159,8 +159,8 @@ class Scorer:
     ) -> FittedModel:
         """The best fit to the end of those that begin at each of the models.
 
-        Where a tip may stick or slide a fit has more than one end: a model is not to look worse than one with an
-        effect more, which contains it, because it began elsewhere.
+        Where a tip may stick or slide a fit has more than one end: a model is not to look worse than one with
+        an effect more, which contains it, because it began elsewhere.
         """
         found = [self.fit(choices, one, FULL_ITERATIONS, weights) for one in starts]
         return min(found, key=lambda one: one.fit.cost)
@@ -216,7 +216,8 @@ class Scorer:
     def _settled(self, fitted: FittedModel, law: str | None = None) -> FittedModel:
         """The model fitted again until its weights belong to it; under one ``law`` of the tip if told.
 
-        Where fit and weights chase each other, as where noise is far above the motion in contact, the likeliest.
+        Where fit and weights chase each other, as where noise is far above the motion in contact, the
+        likeliest.
         """
         found = []
         for _ in range(MOST_ROUNDS):
@@ -475,10 +476,10 @@ class Scorer:
 
 
 def _no_less_than_nothing(folds: Array) -> Array:
-    """Misfit and number of values of the folds of a condition, (folds, 2), where noise is more than they hold.
+    """Misfit and number of values of the folds of a condition, (folds, 2), none of them noise below nothing.
 
-    A model whose steep law turns the sensors' noise into more than there is, by more than a value each, is as far
-    off as that.
+    A model whose steep law turns the sensors' noise into more than there is, by more than a value each, is as
+    far off as that.
     """
     misfit, values = folds.sum(axis=0)
     return folds if misfit >= -values else folds * np.array([-1.0, 1.0])

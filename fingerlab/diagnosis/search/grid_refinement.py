@@ -38,7 +38,9 @@ from fingerlab.diagnosis.settings import (
     LONGEST_PATH,
     LOOKING_ITERATIONS,
     MOST_RIVALS,
+    NEARLY_RIGHT,
     OFF_GRID_PASSES,
+    RIVAL_LOG_ODDS,
     SAME_SHAPE,
     SET_LOG_ODDS,
     SHAPE_PASSES,
@@ -284,11 +286,7 @@ def with_plainer_end(
         law = steps[-1].choices[place].effect if place < len(steps[-1].choices) else None
         if law is None or not law.excess:
             continue
-        plainer = [
-            e for e in catalogue
-            if e.gains and e.gains.keys() < law.gains.keys() and e.equation == law.equation
-            and e.id not in steps[-1].effect_ids
-        ]  # fmt: skip
+        plainer = [e for e in catalogue if _holds(law, e) and e.id not in steps[-1].effect_ids]
         for effect in plainer:
             scorer, steps = _plainer_at(reduction, scorer, steps, place, effect, watch)
     return scorer, steps
@@ -302,7 +300,7 @@ def _plainer_at(
     effect: Effect,
     watch: Watch,
 ) -> tuple[Scorer, list[FittedModel]]:
-    """The path, or that with an effect in place of another one, if the latter does no better."""
+    """The path, or that with an effect in place of another one, if the latter is not twice as likely."""
     end, first = path[-1], len(path[0].choices)
     given = at_found_shapes(end)
     effects = [*given[:place], effect, *given[place + 1 :]]
@@ -320,7 +318,7 @@ def _plainer_at(
     rivals = [_with_last(finer, steps[-1], place, weights), _with_last(scorer, end, place, weights)]
     base = finer.score_held_out(finer.fit(rivals[0].choices[:-1], steps[-1], FULL_ITERATIONS, weights))
     odds = log_odds_among(base, rivals)
-    return (finer, steps) if odds[0] >= odds[1] else (scorer, path)
+    return (finer, steps) if odds[0] > odds[1] - RIVAL_LOG_ODDS else (scorer, path)
 
 
 def _with_last(scorer: Scorer, fitted: FittedModel, place: int, weights: Weights) -> FittedModel:
@@ -374,13 +372,23 @@ def ties_to_refine(
     """Indices of the likeliest candidates that are alike; none where refined shapes cannot tell them apart.
 
     So where one is alone, where the best leaves no more than every model does, or where no shape of any is
-    left to look at.
+    left to look at. Where the best leaves much, a law that holds the gains of one of them and more is looked
+    at, too: on a grid as coarse as its own it may leave more than the plain one.
     """
     tied = alike(evidence, least)[:MOST_RIVALS]
-    others = [i for i, one in enumerate(evidence.candidates) if also & one.last_effect.shape_units.keys()]
-    tied += [i for i in others if i not in tied]
+    candidates = evidence.candidates
+    others = {i for i, one in enumerate(candidates) if also & one.last_effect.shape_units.keys()}
+    if evidence.least_left > NEARLY_RIGHT:
+        laws = [candidates[i].last_effect for i in tied]
+        others |= {i for i, one in enumerate(candidates) if any(_holds(one.last_effect, law) for law in laws)}
+    tied += sorted(others.difference(tied))
     alone = len(tied) < 2 or evidence.least_left <= USUAL_LEFT
-    return [] if alone or not any(can_refine(evidence.candidates[i].choices) for i in tied) else tied
+    return [] if alone or not any(can_refine(candidates[i].choices) for i in tied) else tied
+
+
+def _holds(effect: Effect, law: Effect) -> bool:
+    """Whether an effect is a law with further gains."""
+    return bool(law.gains) and law.gains.keys() < effect.gains.keys() and law.equation == effect.equation
 
 
 def with_refined_odds(evidence: Evidence, tied: Sequence[int], refined: Sequence[FittedModel]) -> Evidence:

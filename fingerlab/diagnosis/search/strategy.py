@@ -189,7 +189,7 @@ def search_effects(question: Question, scorer: Scorer) -> Found:
     if refined is not None or len(path) > 2 or scorer.reduced.pairs:
         # Every score of an answer is told in the floors of the same, last model.
         evidence = rescore(scorer, evidence, weights)
-        evidence = averaged_over_weights(evidence, path[1].last_effect.id) if len(path) == 2 else evidence
+        evidence = averaged_over_weights(evidence, path[1]) if len(path) == 2 else evidence
         path = [evidence.base, *path[1:]]
     if many is not None:
         evidence = with_first_step(evidence, path)
