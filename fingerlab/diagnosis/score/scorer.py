@@ -408,13 +408,13 @@ class Scorer:
         h = coefficients[0][i]
         own = random_effect_columns(fitter.model, values, h, group, group.dealt[k].condition)
         square = float(h @ sums.matrix @ h) - explained(own, h, sums)
-        values = EFFECTIVE_SHARE * group.folds[k].samples * group.equations
+        count = EFFECTIVE_SHARE * group.folds[k].samples * group.equations
         if left is not None:
             square += fitter.predictive_misfit(i, k, left)
         if self._above_weights and not group.repeats:
             exist = np.count_nonzero(np.diag(fitter.weights[group.key]))
             square -= EFFECTIVE_SHARE * group.folds[k].samples * exist
-        return square, values
+        return square, count
 
     def run_offsets(self, fitted: FittedModel) -> list[Offsets]:
         """The constants that the runs of every group have of their own beside a scored model."""
