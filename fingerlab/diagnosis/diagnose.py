@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -24,6 +24,7 @@ from fingerlab.diagnosis.answer.candidates import (
     temperature_for,
     titles_in,
 )
+from fingerlab.diagnosis.answer.error_parts import EquationError
 from fingerlab.diagnosis.answer.errors import equation_errors, excluded_times, held_out_runs, run_shares
 from fingerlab.diagnosis.answer.results import (
     Diagnosis,
@@ -236,7 +237,7 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
     """The answer, as it is given to others."""
     scorer, evidence, path = found.scorer, found.evidence, found.path
     verdict = evidence.verdict
-    sessions, errors = question.reduction.sessions, equation_errors(scorer.reduced, evidence.base)
+    sessions, errors = question.reduction.sessions, _errors(scorer, evidence.base)
     runs = [run for session in sessions for run in session.runs]
     usual = session_features(runs, errors.values(), evidence.base.score, path[-1].score)
     probabilities, calibration = calibrated(evidence.odds, verdict, *usual)
@@ -307,6 +308,13 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
         row_and_score=row_and_score(scorer, evidence.base),
         titles={**titles_in(path[-1]), **titles_in(evidence.base)},
     )
+
+
+def _errors(scorer: Scorer, fitted: FittedModel) -> dict[str, EquationError]:
+    """Of each family of equations on runs left out, beside what it is where the fit has seen them."""
+    seen = equation_errors(scorer.reduced, scorer.residuals_in_sample(fitted))
+    left_out = equation_errors(scorer.reduced, fitted)
+    return {family: replace(error, seen=seen[family].rmse) for family, error in left_out.items()}
 
 
 def _none_left_out(scorer: Scorer) -> bool:

@@ -249,6 +249,28 @@ def rubbing_sentence(diagnosis: Diagnosis) -> str:
     )
 
 
+def unseen_sentence(diagnosis: Diagnosis) -> str:
+    """Why rows may stand far above a whole that is near its floor: what only the runs left out could tell.
+
+    A row takes the runs as the others foretell them; the score allows for how little the others tell.
+    """
+    near, limit = diagnosis.score**2 - 1.0 <= LACK_OF_FIT, FAR_ABOVE * diagnosis.score
+    apart = {
+        family: error
+        for family, error in diagnosis.errors.items()
+        if error.rmse > limit * error.floor and 0.0 < FAR_ABOVE * error.seen < error.rmse
+    }
+    if not (near and apart):
+        return ""
+    titles = listed([in_sentence(FAMILY_TITLES.get(family, family)) for family in apart])
+    seen = listed([amount(error.seen, error.unit, 2) for error in apart.values()])
+    rows = f"The row of {titles} is" if len(apart) == 1 else f"The rows of {titles} are"
+    return (
+        f"{rows} of runs as the other runs foretell them, which hardly tell some constants of these; the "
+        f"error over all allows for that. Where the fit has seen all runs, {seen} are left."
+    )
+
+
 def below_sentence(diagnosis: Diagnosis) -> str:
     """Why the whole is at the floor where every family is below it; empty where none is, or one is not."""
     times = [one.rmse / one.floor for one in diagnosis.errors.values() if one.floor > 0]
@@ -301,7 +323,7 @@ def row_words(diagnosis: Diagnosis) -> str:
     said = (
         below_sentence(diagnosis),
         loose_sentence(diagnosis),
-        rubbing_sentence(diagnosis),
+        unseen_sentence(diagnosis) or rubbing_sentence(diagnosis),
         apart_sentence(diagnosis),
     )
     return " ".join(filter(None, said))

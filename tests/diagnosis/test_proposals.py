@@ -121,6 +121,16 @@ def test_the_menu_repeats_free_motions_with_changes_of_the_machines_own_size(
     assert mass == pytest.approx(made.NOMINAL.distal_mass, rel=0.1)
 
 
+def test_a_motion_that_only_another_program_knows_is_not_proposed_again(
+    judged: tuple[Session, Scorer, Evidence],
+) -> None:
+    """The contract leaves the kinds of trajectories open."""
+    session, scorer, evidence = judged
+    told = replace(session.runs[0], trajectory={**SINE, "kind": "ramp", "amplitude_deg": 40.0})
+    menus = menu([replace(session, runs=(told, *session.runs[1:]))], scorer.reduced, evidence.base.values)
+    assert {"ramp"}.isdisjoint(p.trajectory["kind"] for p in menus)
+
+
 def test_a_finger_whose_cable_would_hang_loose_is_not_imagined() -> None:
     low = {**SINE, "offset_deg": -30.0}
     assert finger_motion(made.RIG, -1, low, VALUES) is None

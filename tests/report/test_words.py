@@ -15,7 +15,7 @@ from fingerlab.report.diagnosis_words import (
     verdict_sentence,
 )
 from fingerlab.report.recording_words import next_experiment_words
-from fingerlab.report.score_words import loose_sentence
+from fingerlab.report.score_words import loose_sentence, row_words
 from fingerlab.ui.lab.result_words import set_words
 
 
@@ -140,6 +140,27 @@ def test_a_cable_that_hung_loose_is_said_beside_its_row(nothing) -> None:
     assert loose_sentence(replace(told, run_shares=(replace(loose, left_aside=0.0),))) == ""
     small = {"cable_kinematics": EquationError("m", 1.7e-6, 0.99996, 1.6e-6)}
     assert loose_sentence(replace(told, errors=small)) == ""
+
+
+def test_what_the_score_allows_to_a_tip_that_rubs_is_said_beside_the_rows(nothing) -> None:
+    """54 mN of a floor of 6 mN: a headline of 1.16 allows 39 mN rms for how the tip sticks."""
+    force = EquationError("N", 0.054, 0.97, 0.006, rubbing=0.039, seen=0.054)
+    told = replace(nothing, score=1.16, errors={"endpoint_force": force}, row_and_score=None)
+    said = row_words(told)
+    assert said.startswith("The row of endpoint force stands that far above the floor in contact: how a tip ")
+    assert "allows 39 mN rms for it" in said
+    assert row_words(replace(told, score=3.0)) == ""  # there something is missing
+    at_floor = replace(force, rmse=0.007)
+    assert row_words(replace(told, errors={"endpoint_force": at_floor})) == ""
+
+
+def test_what_only_runs_left_out_could_tell_is_said_beside_the_rows(nothing) -> None:
+    """233 mN as the other runs foretell it, 31 mN where the fit has seen all, of a floor of 28 mN."""
+    force = EquationError("N", 0.233, 0.997, 0.028, rubbing=0.2, seen=0.031)
+    told = replace(nothing, score=1.09, errors={"endpoint_force": force}, row_and_score=None)
+    said = row_words(told)
+    assert said.startswith("The row of endpoint force is of runs as the other runs foretell them, which hardly ")
+    assert said.endswith("Where the fit has seen all runs, 31 mN are left.")
 
 
 def needing(found: Diagnosis, *effects: str) -> Diagnosis:

@@ -154,6 +154,7 @@ class EquationError:
     """Error of one equation family on held-out runs; ``rmse`` and ``floor`` in ``unit``.
 
     ``rubbing``: what the score takes for the tip's friction in contact on top of the floor, rms in ``unit``.
+    ``seen``: the error where the fit has seen all runs; 0: not looked at.
     """
 
     unit: str
@@ -161,6 +162,7 @@ class EquationError:
     r2: float
     floor: float
     rubbing: float = 0.0
+    seen: float = 0.0
 
     def to_json(self) -> dict[str, Any]:
         """As the contract has it."""
