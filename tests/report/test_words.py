@@ -159,7 +159,9 @@ def test_what_only_runs_left_out_could_tell_is_said_beside_the_rows(nothing) -> 
     force = EquationError("N", 0.233, 0.997, 0.028, rubbing=0.2, seen=0.031)
     told = replace(nothing, score=1.09, errors={"endpoint_force": force}, row_and_score=None)
     said = row_words(told)
-    assert said.startswith("The row of endpoint force is of runs as the other runs foretell them, which hardly ")
+    assert said.startswith(
+        "The row of endpoint force is of runs as the other runs foretell them, which hardly "
+    )
     assert said.endswith("Where the fit has seen all runs, 31 mN are left.")
 
 
