@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby, pairwise
 from typing import Any
 
 from fingerlab.core.text import amount, decimals_for, fixed, percent, printed, score_text, screen_unit
-from fingerlab.diagnosis.answer.error_parts import EQUATIONS, ExcludedByMotion, ScorePart
+from fingerlab.diagnosis.answer.error_parts import EQUATIONS, EquationError, ExcludedByMotion, ScorePart
 from fingerlab.diagnosis.answer.results import Candidate, Diagnosis
 from fingerlab.diagnosis.score.calibration import Verdict
 from fingerlab.diagnosis.settings import LACK_OF_FIT
@@ -212,10 +212,8 @@ def loose_sentence(diagnosis: Diagnosis) -> str:
 
     A family's error counts every sample in full, the score hardly those at which the cable may hang loose.
     """
-    error = diagnosis.errors.get("cable_kinematics")
     loose = [one for one in diagnosis.run_shares if one.equation == "cable_kinematics" and one.left_aside > 0]
-    near = diagnosis.score**2 - 1.0 <= LACK_OF_FIT
-    if error is None or not (loose and near and error.rmse > FAR_ABOVE * diagnosis.score * error.floor):
+    if not (loose and "cable_kinematics" in _far_rows(diagnosis)):
         return ""
     worst = max(loose, key=lambda one: one.squared)
     return (
@@ -230,22 +228,15 @@ def rubbing_sentence(diagnosis: Diagnosis) -> str:
 
     A third of what the tip's friction seems to be is noise to the score: no law tells how a tip sticks.
     """
-    near = diagnosis.score**2 - 1.0 <= LACK_OF_FIT
-    limit = FAR_ABOVE * diagnosis.score
-    apart = {
-        family: error
-        for family, error in diagnosis.errors.items()
-        if limit * error.floor < error.rmse < limit * math.hypot(error.floor, error.rubbing)
-    }
-    if not (near and apart):
+    limit, far = FAR_ABOVE * diagnosis.score, _far_rows(diagnosis)
+    apart = {k: one for k, one in far.items() if one.rmse < limit * math.hypot(one.floor, one.rubbing)}
+    if not apart:
         return ""
-    titles = listed([in_sentence(FAMILY_TITLES.get(family, family)) for family in apart])
     allowed = listed([amount(error.rubbing, error.unit, 2) for error in apart.values()])
-    rows = "The row of " if len(apart) == 1 else "The rows of "
-    stand = " stands" if len(apart) == 1 else " stand"
     return (
-        f"{rows}{titles}{stand} that far above the floor in contact: how a tip sticks and rubs is known only "
-        f"about, and the error over all allows {allowed} rms for it, which the rows count in full."
+        f"{_row_of(apart)} {'stands' if len(apart) == 1 else 'stand'} that far above the floor in contact: "
+        f"how a tip sticks and rubs is known only about, and the error over all allows {allowed} rms for it, "
+        "which the rows count in full."
     )
 
 
@@ -254,21 +245,28 @@ def unseen_sentence(diagnosis: Diagnosis) -> str:
 
     A row takes the runs as the others foretell them; the score allows for how little the others tell.
     """
-    near, limit = diagnosis.score**2 - 1.0 <= LACK_OF_FIT, FAR_ABOVE * diagnosis.score
-    apart = {
-        family: error
-        for family, error in diagnosis.errors.items()
-        if error.rmse > limit * error.floor and 0.0 < FAR_ABOVE * error.seen < error.rmse
-    }
-    if not (near and apart):
+    apart = {k: one for k, one in _far_rows(diagnosis).items() if 0.0 < FAR_ABOVE * one.seen < one.rmse}
+    if not apart:
         return ""
-    titles = listed([in_sentence(FAMILY_TITLES.get(family, family)) for family in apart])
     seen = listed([amount(error.seen, error.unit, 2) for error in apart.values()])
-    rows = f"The row of {titles} is" if len(apart) == 1 else f"The rows of {titles} are"
     return (
-        f"{rows} of runs as the other runs foretell them, which hardly tell some constants of these; the "
-        f"error over all allows for that. Where the fit has seen all runs, {seen} are left."
+        f"{_row_of(apart)} {'is' if len(apart) == 1 else 'are'} of runs as the other runs foretell them, "
+        "which hardly tell some constants of these; the error over all allows for that. Where the fit has "
+        f"seen all runs, {seen} are left."
     )
+
+
+def _far_rows(diagnosis: Diagnosis) -> dict[str, EquationError]:
+    """Families whose error is far above the whole, where the whole is near its floor."""
+    if diagnosis.score**2 - 1.0 > LACK_OF_FIT:
+        return {}
+    limit = FAR_ABOVE * diagnosis.score
+    return {name: error for name, error in diagnosis.errors.items() if error.rmse > limit * error.floor}
+
+
+def _row_of(families: Collection[str]) -> str:
+    titles = listed([in_sentence(FAMILY_TITLES.get(family, family)) for family in families])
+    return f"The row of {titles}" if len(families) == 1 else f"The rows of {titles}"
 
 
 def below_sentence(diagnosis: Diagnosis) -> str:

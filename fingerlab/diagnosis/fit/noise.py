@@ -292,20 +292,22 @@ def misfit_floor(model: Model, values: Array, group: Group, weights: Array) -> A
     """
     if group.repeats and not group.on_bench:
         return noise_covariance(model, values, group)
-    exist = np.flatnonzero(np.diag(weights) > 0)
-    floor = np.zeros_like(weights)
-    floor[np.ix_(exist, exist)] = np.linalg.inv(weights[np.ix_(exist, exist)])
-    return floor
+    return _covariance_of(weights)
 
 
 def tip_friction_covariance(model: Model, values: Array, group: Group, weights: Array) -> Array:
     """What the ``weights`` take for the tip's friction on top of the noise, (5, 5); none without contact."""
     if not (group.in_contact and group.repeats):
         return np.zeros_like(weights)
+    return _covariance_of(weights) - misfit_floor(model, values, group, weights)
+
+
+def _covariance_of(weights: Array) -> Array:
+    """Inverse of weights over the equations that exist, zero elsewhere; shape (5, 5)."""
     exist = np.flatnonzero(np.diag(weights) > 0)
     found = np.zeros_like(weights)
     found[np.ix_(exist, exist)] = np.linalg.inv(weights[np.ix_(exist, exist)])
-    return found - misfit_floor(model, values, group, weights)
+    return found
 
 
 def encoder_spread(variance: float) -> Array:

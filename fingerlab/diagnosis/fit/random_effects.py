@@ -180,6 +180,9 @@ def _times(matrices: Array, vectors: Array) -> Array:
 def explained(own: Array, h: Array, sums: Weighted) -> float:
     """What of a misfit the run's own share of the features explains, less what that costs: as a Gaussian.
 
+    It goes no further than so many standard deviations: a friction that differs more from run to run follows
+    something that the model lacks.
+
     Args:
         own: what one standard deviation of each part adds to the features, (k, parts).
         h: the features' coefficients, (k,). sums: weighted products of the features over the run.
@@ -188,7 +191,8 @@ def explained(own: Array, h: Array, sums: Weighted) -> float:
         return 0.0
     pull = own.T @ sums.matrix @ h
     stiffness = own.T @ sums.curvature @ own + np.eye(own.shape[1])
-    return _fall_within_bounds(stiffness, pull, 0)
+    part = np.clip(np.linalg.solve(stiffness, pull), -RUN_VARIATION_BOUND, RUN_VARIATION_BOUND)
+    return float(2.0 * pull @ part - part @ stiffness @ part)
 
 
 def own_share(own: Array, h: Array, sums: Weighted) -> Array:
@@ -227,18 +231,3 @@ class LeftOut:
         scale = 1.0 / np.sqrt(np.diag(known))  # the unknowns have units of their own
         known, more = known * np.outer(scale, scale), more * np.outer(scale, scale)
         return float(np.linalg.slogdet(known + more)[1] - np.linalg.slogdet(known)[1])
-
-
-def _fall_within_bounds(stiffness: Array, pull: Array, size: int) -> float:
-    """By how much a misfit falls at its lowest; what stands behind ``size`` is what a run has of its own.
-
-    That is told in standard deviations and goes no further than so many: a friction that differs more from
-    run to run follows something that the model lacks.
-    """
-    found = np.linalg.solve(stiffness, pull)
-    own = np.clip(found[size:], -RUN_VARIATION_BOUND, RUN_VARIATION_BOUND)
-    if np.array_equal(own, found[size:]):
-        return float(pull @ found)
-    rest = pull[:size] - stiffness[:size, size:] @ own
-    found = np.concatenate((np.linalg.solve(stiffness[:size, :size], rest), own))
-    return float(2.0 * pull @ found - found @ stiffness @ found)

@@ -276,7 +276,7 @@ class Scorer:
         products = {g.key: np.zeros((5, 5)) for g in groups}
         by_fold = {g.key: FoldErrors(np.zeros(len(g.dealt)), np.zeros((len(g.dealt), 5, 5))) for g in groups}
         fitter = self._fitter(fitted)
-        coefficients = fitter.coefficients(fitted.fit.values)
+        coefficients = fitter.coefficients(fitted.fit.values)[0]
         for split in sorted({fold.split for g in groups for fold in g.dealt}):
             left = fitter.without(fitted.fit.values, split)
             for i, group in enumerate(groups):
@@ -372,7 +372,7 @@ class Scorer:
     def _in_sample_folds(self, fitter: Fitter, fitted: FittedModel) -> list[Array]:
         """The same of each fold of every group, (folds, 2) each."""
         values = fitted.fit.values
-        coefficients = fitter.coefficients(values)
+        coefficients = fitter.coefficients(values)[0]
         return [
             np.array(
                 [self._fold_chi_square(fitter, values, coefficients, i, k) for k in range(len(group.dealt))]
@@ -393,7 +393,7 @@ class Scorer:
         self,
         fitter: Fitter,
         values: Array,
-        coefficients: tuple[Array, Array],
+        coefficients: Array,
         i: int,
         k: int,
         left: LeftOut | None = None,
@@ -401,11 +401,11 @@ class Scorer:
         """Reproducible chi-square of fold ``k`` of group ``i``, and the independent values behind it.
 
         Args:
-            coefficients: of the features at the ``values``, and their derivatives, for every group.
+            coefficients: of the features at the ``values``, (groups, k).
             left: what the other runs tell, where the fit has not seen this.
         """
         group, sums = self.reduced.groups[i], fitter.part(i, (k,))
-        h = coefficients[0][i]
+        h = coefficients[i]
         own = random_effect_columns(fitter.model, values, h, group, group.dealt[k].condition)
         square = float(h @ sums.matrix @ h) - explained(own, h, sums)
         count = EFFECTIVE_SHARE * group.folds[k].samples * group.equations
