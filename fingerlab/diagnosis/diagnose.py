@@ -255,6 +255,8 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
     closer = {name: one.scorer.with_sensitivity(one.steps[0]) for name, one in replacing.items()}
     if found.refined is not None and found.better is None:
         closer.setdefault(path[1].last_effect.id, found.refined.with_sensitivity(path[1]))
+    for name, (by, one) in found.looked_at.items():
+        closer.setdefault(name, by.with_sensitivity(one))
     loose = any(f.slack_samples for g in scorer.reduced.groups for f in g.folds)
     replaced = {name: (one.removed,) for name, one in replacing.items()}
     prints = curves.fingerprints if curves else {}

@@ -608,6 +608,9 @@ friction of the motor comes half as close each time."""
 SAME_SHAPE = 0.02
 """A number of a shape that follows what is fitted has moved if it did by more than this share; assumed: the
 errors of the law go with its square."""
+NEAR_SHARE = 0.05
+"""An effect that leaves this share more of all that is missed than the best one does may have the coarser
+grid: a presliding travel half a step off leaves 2 to 3 per cent. Assumed."""
 MOST_RIVALS = 3
 """So many of a set are looked at again, the likeliest first."""
 

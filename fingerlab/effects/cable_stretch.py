@@ -5,7 +5,18 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fingerlab.effects.base import Effect, Example, Formula, Row, Shape, Term, either, of_shape, times
+from fingerlab.effects.base import (
+    REVERSAL_SPEED,
+    Effect,
+    Example,
+    Formula,
+    Row,
+    Shape,
+    Term,
+    either,
+    of_shape,
+    times,
+)
 from fingerlab.effects.transmission import DRIVE, SHARES, driven_tension, sheath_loss
 from fingerlab.physics.friction_states import first_order_lags, with_grid
 from fingerlab.physics.motion import Motion
@@ -18,9 +29,9 @@ LAGS_S = (0.004, 0.008, 0.016, 0.032)
 
 SHEATH = {
     f"sheath_{name}": (of_shape("capstan_friction", name),)
-    for name in ("travel_deg", "sharpness", "held", "stretch_behind")
+    for name in ("travel_deg", "sharpness", "held", "stretch_behind", REVERSAL_SPEED)
 }
-"""Numbers of a shape that tell where a sheath lies and how it sticks."""
+"""Numbers of a shape that tell where a sheath lies and how it sticks, or by which speed it goes."""
 
 
 def columns(motion: Motion, shape: Shape) -> list[Term]:
@@ -49,7 +60,9 @@ def _stretching(motion: Motion, shape: Shape) -> Array:
     tension = driven_tension(motion, shape)
     if not shape.get("sheath_stretch_behind"):
         return tension
-    sheath = {**shape, **{name: shape[f"sheath_{name}"] for name in ("travel_deg", "sharpness", "held")}}
+    names = ("travel_deg", "sharpness", "held", REVERSAL_SPEED)
+    law = {name: shape.get(f"sheath_{name}", 0.0) for name in names}
+    sheath = {**shape, **{name: number for name, number in law.items() if number}}
     losses = (shape.get(f"share_{cable}", 0.0) * sheath_loss(motion, sheath, cable) for cable in CABLE_SIGN)
     return np.asarray(tension - sum(losses))
 

@@ -3,8 +3,11 @@
 from collections.abc import Sequence
 
 from fingerlab.effects.base import (
+    FINEST_OCTAVE,
+    FINGER_SPEEDS,
     HALF_OCTAVE,
     OCTAVE,
+    REVERSAL_SPEED,
     Effect,
     Example,
     Formula,
@@ -60,15 +63,17 @@ def _sheath(travel: float, stretch_behind: float, held: float = 0.0) -> Shape:
 
 
 def _sheath_closer(shape: Shape) -> Sequence[Shape]:
-    """Around the one found, and where the other law would be looked for."""
-    travel = shape["travel_deg"]
+    """Around the one found, and where the other laws would be looked for."""
+    by_speed, travel = REVERSAL_SPEED in shape, shape.get("travel_deg", USUAL_STICKING_DEG)
     around = [factor * travel for factor in OCTAVE] if shape["held"] else OTHER_HELD_TRAVELS_DEG
     held = either("travel_deg", around)
     following = _sheath(USUAL_STICKING_DEG if shape["held"] else travel, 1.0)
     behind = either("stretch_behind", (1.0, 0.0))
+    speeds = [factor * shape[REVERSAL_SPEED] for factor in FINEST_OCTAVE] if by_speed else FINGER_SPEEDS
     shapes = [
         *every(held, behind)(_sheath(travel, 1.0, held=1.0)),
         *every(times("travel_deg", HALF_OCTAVE), behind)(following),
+        *every(either(REVERSAL_SPEED, speeds), behind)({"stretch_behind": 1.0, "held": 0.0}),
     ]
     return [{**{name: shape[name] for name in FOLLOWING if name in shape}, **one} for one in shapes]
 
@@ -93,20 +98,21 @@ EFFECT = Effect(
         *(_sheath(travel, stretch_behind=1.0) for travel in WINDING_TRAVELS_DEG[-2::-2]),
         *(_sheath(travel, stretch_behind=0.0) for travel in WINDING_TRAVELS_DEG[::2]),
     ),
-    shape_units={"travel_deg": "deg"},
+    shape_units={"travel_deg": "deg", REVERSAL_SPEED: "rad/s"},
     closer=_sheath_closer,
     follows=FOLLOWING,
     formula=Formula(
         equation=r"T_m = T + \mu\,T\,z(\theta_m;\delta)",
         symbols=(
             "T_m: tension from the motor; T: what the sheath leaves of it. μ: share that this "
-            "cable's sheath takes. z: friction state of the winding, −1 to 1. The cable's stretch lies "
+            "cable's sheath takes. z: friction state of the winding, −1 to 1, or the hyperbolic tangent of "
+            "the motor's speed over v_r. The cable's stretch lies "
             "before or behind the sheath, and what sticks may keep its friction while the tension changes "
             '(theory, "Friction that sticks"); all are tried. What takes μ winding in gives '
             "μ/(1 − μ) paying out."
         ),
         source=("Euler 1769 and Eytelwein 1808 for a small angle of wrap; sheaths: Kaneko, Do et al. 2013."),
-        values={**dict.fromkeys(CABLE_SIGN, r"\mu"), "travel_deg": r"\delta"},
+        values={**dict.fromkeys(CABLE_SIGN, r"\mu"), "travel_deg": r"\delta", REVERSAL_SPEED: "v_r"},
         alike=("load_dependent_friction", "motor_coulomb_friction", "coulomb_friction"),
     ),
     example=Example(

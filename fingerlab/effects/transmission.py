@@ -89,8 +89,8 @@ def sheath_loss(motion: Motion, shape: Shape, cable: str) -> Array:
     """What a cable's sheath takes of the tension, for a share of one, N, (n,); of a cable not used, nothing.
 
     The share follows the tension of the moment or, where ``held``, only as far as what sticks is let go: a
-    cable that sticks in its sheath keeps its friction while the tension rises on both ends of it. What motor
-    and gearbox keep for themselves never reaches the sheath.
+    cable that sticks in its sheath keeps its friction while the tension rises on both ends of it. One that
+    goes by the speed follows the tension. What motor and gearbox keep for themselves never reaches either.
 
     What takes the share s of the motor's tension winding in, 1 - exp(-mu phi), gives exp(mu phi) - 1, which
     is s / (1 - s), of it paying out. What sticks is equally stiff in either sheath, so that it slides over a
@@ -98,7 +98,8 @@ def sheath_loss(motion: Motion, shape: Shape, cable: str) -> Array:
     """
     share, most = shape.get(f"share_{cable}", 0.0), max(shape.get(name, 0.0) for name in SHARES)
     paying_out = 1.0 / (1.0 - min(share, MOST_SHARE))
-    travel = shape["travel_deg"] * (max(share / most, LEAST_TRAVEL) if most else 1.0)
+    by_speed = {name: shape[name] for name in (REVERSAL_SPEED,) if name in shape}
+    travel = shape.get("travel_deg", 0.0) * (max(share / most, LEAST_TRAVEL) if most else 1.0)
     sharpness, held = shape.get("sharpness", 0.0), bool(shape.get("held", 0.0))
 
     def lost() -> Array:
@@ -106,7 +107,7 @@ def sheath_loss(motion: Motion, shape: Shape, cable: str) -> Array:
             return nothing(len(motion.position))
         tension = driven_tension(motion, shape)
         if not held:
-            state = winding_state(motion, travel, sharpness)
+            state = drive_state(motion, by_speed or {"travel_deg": travel, "sharpness": sharpness})
             return np.asarray(tension * np.where(state < 0.0, paying_out, 1.0) * state)
         limit = np.maximum(tension, 0.0)
 
@@ -116,7 +117,8 @@ def sheath_loss(motion: Motion, shape: Shape, cable: str) -> Array:
         return friction_state(motion.position, float(np.radians(travel)), sharpness, stops)
 
     drive = (shape.get(name, 0.0) for name in DRIVE)
-    return motion.remember(("sheath", cable, travel, sharpness, held, paying_out, *drive), lost)
+    key = ("sheath", cable, travel, *by_speed.values(), sharpness, held, paying_out, *drive)
+    return motion.remember(key, lost)
 
 
 LATE = "late"

@@ -35,7 +35,6 @@ from fingerlab.diagnosis.settings import (
     LACK_OF_FIT,
     LEAST_PROBABILITY,
     MOST_UNDETECTED,
-    NEARLY_RIGHT,
     NOT_BORNE_OUT,
     PRIOR_EFFECTS,
     PRIOR_NOTHING,
@@ -194,7 +193,9 @@ def judged_with_path(evidence: Evidence, last: FittedModel) -> Evidence:
     return replace(evidence, probabilities=shares, nothing=none, unknown=other, logs=logs)
 
 
-def averaged_over_weights(rescored: Evidence, first: FittedModel) -> Evidence:
+def averaged_over_weights(
+    rescored: Evidence, first: FittedModel, looked_at: Sequence[FittedModel] = ()
+) -> Evidence:
     """The evidence with the mean of the odds that its effects have and those that its weights give them.
 
     How much of what is left a model may call noise is not known better: near the floor, odds of e^10 under
@@ -202,12 +203,12 @@ def averaged_over_weights(rescored: Evidence, first: FittedModel) -> Evidence:
 
     Args:
         first: model that the path leads to, its shape refined; an effect that the mean prefers to its own is
-            only as likely. Where the grids leave much, it counts as it is refined.
+            only as likely. looked_at: others with refined shapes. They count as they are refined.
     """
     names = [one.last_effect.id for one in rescored.candidates]
-    far = min((one.misfit / max(one.count, 1.0) for one in rescored.candidates), default=0.0) > NEARLY_RIGHT
+    refined = {one.last_effect.id: one for one in (*looked_at, first)}
     closest = [
-        first if far and name == first.last_effect.id and first.misfit < one.misfit else one
+        min(one, refined.get(name, one), key=lambda m: m.misfit)
         for name, one in zip(names, rescored.candidates, strict=True)
     ]
     log_odds = 0.5 * (rescored.log_odds + log_odds_among(rescored.base, closest))

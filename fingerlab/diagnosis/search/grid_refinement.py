@@ -38,6 +38,7 @@ from fingerlab.diagnosis.settings import (
     LONGEST_PATH,
     LOOKING_ITERATIONS,
     MOST_RIVALS,
+    NEAR_SHARE,
     NEARLY_RIGHT,
     OFF_GRID_PASSES,
     RIVAL_LOG_ODDS,
@@ -46,9 +47,11 @@ from fingerlab.diagnosis.settings import (
     SHAPE_PASSES,
     SHAPE_ROUNDS,
     STEP_GAIN,
-    USUAL_LEFT,
 )
 from fingerlab.effects.base import Effect, Shape, of_shape
+
+Refined = Mapping[str, tuple[Scorer, FittedModel]]
+"""Effects as they are between the points of their grids, by id: the model, and what scored it."""
 
 
 def fit_effects(scorer: Scorer, effects: Sequence[Effect]) -> FittedModel:
@@ -182,10 +185,16 @@ def _at_best_shapes(scorer: Scorer, fitted: FittedModel) -> FittedModel:
 
 
 def _best_shape(scorer: Scorer, fitted: FittedModel, k: int) -> FittedModel:
-    """The model with its effect ``k`` at the shape that fits best, under the weights of that model."""
+    """The model with its effect ``k`` at the shape that fits best, under the weights of that model.
+
+    Not at one that leaves more with the noise counted in: a law that turns round faster than the sensors can
+    tell makes noise of all that it explains.
+    """
     for _ in range(SHAPE_ROUNDS):
-        before = fitted.choices[k].shape
-        found = min(_other_shapes(scorer, fitted, k), key=lambda m: m.fit.cost)
+        before, most = fitted.choices[k].shape, scorer.deviance(fitted)
+        others = _other_shapes(scorer, fitted, k)
+        likely = [m for m in others if m.choices[k].shape == before or scorer.deviance(m) <= most]
+        found = min(likely, key=lambda m: m.fit.cost)
         fitted = scorer.fit_reweighted(found.choices, found)
         if found.choices[k].shape == before:
             break
@@ -336,19 +345,22 @@ def break_ties(
     watch: Watch,
     least: float = -SET_LOG_ODDS,
     also: frozenset[str] = frozenset(),
-) -> Evidence:
+) -> tuple[Evidence, Refined]:
     """The evidence with the odds of effects that are alike on their grids as refined shapes give them.
 
     Args:
         weights: from which effects without other shapes are reweighted. least: log odds of what is alike.
         also: nonlinear unknowns; effects that may go by one of them are looked at in any case.
 
+    Returns:
+        The evidence, and what was looked at.
+
     Raises:
         Cancelled: the user asked for it.
     """
     tied = ties_to_refine(evidence, least, also)
     if not tied:
-        return evidence
+        return evidence, {}
     refined: list[tuple[Scorer, FittedModel]] = []
     for candidate in (evidence.candidates[i] for i in tied):
         if can_refine(candidate.choices):
@@ -363,7 +375,16 @@ def break_ties(
     scored = [
         by.score_held_out(by.fit(fitted.choices, fitted, FULL_ITERATIONS, under)) for by, fitted in refined
     ]
-    return with_refined_odds(evidence, tied, scored)
+    found = {one.last_effect.id: (by, one) for (by, _), one in zip(refined, scored, strict=True)}
+    return with_refined_odds(evidence, tied, scored), found
+
+
+def rescore_refined(found: Refined, weights: Weights) -> Refined:
+    """The effects between the points of their grids, fitted and held out under these weights."""
+    return {
+        name: (by, by.score_held_out(by.fit(one.choices, one, FULL_ITERATIONS, weights)))
+        for name, (by, one) in found.items()
+    }
 
 
 def ties_to_refine(
@@ -371,9 +392,10 @@ def ties_to_refine(
 ) -> list[int]:
     """Indices of the likeliest candidates that are alike; none where refined shapes cannot tell them apart.
 
-    So where one is alone, where the best leaves no more than every model does, or where no shape of any is
-    left to look at. Where the best leaves much, a law that holds the gains of one of them and more is looked
-    at, too: on a grid as coarse as its own it may leave more than the plain one.
+    So where one is alone, or where no shape of any is left to look at. Beside those that are as likely on
+    their grids stand those that explain nearly as much as the best, whose grid may be coarser. Where the best
+    leaves much, a law that holds the gains of one of them and more is looked at, too: on a grid as coarse as
+    its own it may leave more than the plain one.
     """
     tied = alike(evidence, least)[:MOST_RIVALS]
     candidates = evidence.candidates
@@ -381,9 +403,17 @@ def ties_to_refine(
     if evidence.least_left > NEARLY_RIGHT:
         laws = [candidates[i].last_effect for i in tied]
         others |= {i for i, one in enumerate(candidates) if any(_holds(one.last_effect, law) for law in laws)}
+    others.update(_near_the_best(evidence))
     tied += sorted(others.difference(tied))
-    alone = len(tied) < 2 or evidence.least_left <= USUAL_LEFT
-    return [] if alone or not any(can_refine(candidates[i].choices) for i in tied) else tied
+    return [] if len(tied) < 2 or not any(can_refine(candidates[i].choices) for i in tied) else tied
+
+
+def _near_the_best(evidence: Evidence) -> list[int]:
+    """Indices of candidates that explain nearly as much as the best, with shapes that are left to look at."""
+    left = np.array([one.misfit for one in evidence.candidates])
+    most = left.min() + NEAR_SHARE * (max(evidence.base.misfit, 0.0) - left.min())
+    near = [int(i) for i in np.argsort(left) if left[i] <= most]
+    return [i for i in near[:MOST_RIVALS] if can_refine(evidence.candidates[i].choices)]
 
 
 def _holds(effect: Effect, law: Effect) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from fingerlab.core.progress import SILENT, Progress, Watch
 from fingerlab.diagnosis.fit.data import Weights
@@ -29,11 +29,13 @@ from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.score.selection import justified, lacks_fit
 from fingerlab.diagnosis.search.exchange import ExchangedModel, Given, extended, find_rivals, odds_of_rivals
 from fingerlab.diagnosis.search.grid_refinement import (
+    Refined,
     break_ties,
     can_refine,
     extend_path,
     fit_effects,
     refine_path,
+    rescore_refined,
     with_plainer_end,
 )
 from fingerlab.diagnosis.search.joint_search import path_of_many
@@ -97,6 +99,7 @@ class Found:
         refined: what scored the path where its shapes were refined; None: they were not.
         rivals: models with a given effect exchanged that the data prefer, or hardly tell from it; best first.
         many: whether the path is one of many effects, found together.
+        looked_at: further effects that could be the one, between the points of their grids.
     """
 
     scorer: Scorer
@@ -105,6 +108,7 @@ class Found:
     refined: Scorer | None
     rivals: Sequence[ExchangedModel] = ()
     many: bool = False
+    looked_at: Refined = field(default_factory=dict)
 
     @property
     def better(self) -> ExchangedModel | None:
@@ -127,10 +131,14 @@ class RefinedPath:
 
 @dataclass(frozen=True)
 class FirstStep:
-    """The path of one effect at most, and the same between the points of its grid, if it has one."""
+    """The path of one effect at most, and the same between the points of its grid, if it has one.
+
+    ``looked_at``: effects that were as near.
+    """
 
     path: list[FittedModel]
     refined: RefinedPath | None
+    looked_at: Refined = field(default_factory=dict)
 
     @property
     def beyond_grid(self) -> frozenset[str]:
@@ -140,6 +148,13 @@ class FirstStep:
         """
         found, on_grid = self.end.choices[-1], self.path[-1].choices[-1]
         return found.effect.law_at(found.shape) - on_grid.effect.law_at(on_grid.shape)
+
+    @property
+    def off_grid(self) -> frozenset[str]:
+        """Nonlinear unknowns by which the effect may go between the points of its grid alone."""
+        effect = self.path[-1].last_effect
+        on_grid = (effect.law_at(i) for i in range(len(effect.shapes)))
+        return frozenset(effect.shape_units).difference(*on_grid)
 
     @property
     def end(self) -> FittedModel:
@@ -166,7 +181,7 @@ def search_effects(question: Question, scorer: Scorer) -> Found:
         base = scorer.score_held_out(base)
     evidence = judge_all(scorer, base, effects, question.stages.part(0.4, 0.7))
     resolved, first = _first_step(question, scorer, evidence)
-    resolved, path = _path(question, scorer, resolved, first)
+    resolved, path, looked_at = _path(question, scorer, resolved, first)
     many = _many(question, scorer, evidence, path, first)
     refined: Scorer | None
     if many is not None:
@@ -186,10 +201,13 @@ def search_effects(question: Question, scorer: Scorer) -> Found:
         for law, plainer in zip(laws, path[-1].effect_ids, strict=True):
             evidence = evidence if law == plainer else exchanged(evidence, law, plainer)
         weights = path[-1].weights
-    if refined is not None or len(path) > 2 or scorer.reduced.pairs:
+    looked_at = looked_at if len(path) == 2 else {}
+    if refined is not None or len(path) > 2 or scorer.reduced.pairs or looked_at:
         # Every score of an answer is told in the floors of the same, last model.
         evidence = rescore(scorer, evidence, weights)
-        evidence = averaged_over_weights(evidence, path[1]) if len(path) == 2 else evidence
+        if len(path) == 2:
+            looked_at = rescore_refined(looked_at, weights)
+            evidence = averaged_over_weights(evidence, path[1], [one for _, one in looked_at.values()])
         path = [evidence.base, *path[1:]]
     if many is not None:
         evidence = with_first_step(evidence, path)
@@ -202,7 +220,7 @@ def search_effects(question: Question, scorer: Scorer) -> Found:
         evidence = with_rivals(evidence, odds_of_rivals(rivals))
         if rivals and rivals[0].better:
             path, refined = [evidence.base, *rivals[0].steps], rivals[0].scorer
-    found = Found(scorer, evidence, path, refined, rivals, many is not None)
+    found = Found(scorer, evidence, path, refined, rivals, many is not None, looked_at)
     if not all(group.repeats for group in scorer.reduced.groups):
         found = _in_floors(question, found)
     return _with_what_could_hide(found)
@@ -239,7 +257,12 @@ def _in_floors(question: Question, found: Found) -> Found:
         evidence = at_least_as_unknown(
             evidence, judged_with_path(judge(evidence.base, evidence.candidates), path[-1])
         )
-    return Found(scorer, evidence, path, refined, rivals, found.many)
+    looked_at = {
+        name: (its, one)
+        for name, (old, model) in found.looked_at.items()
+        for its, (one,) in [scored_in_floors(old, [model], weights)]
+    }
+    return Found(scorer, evidence, path, refined, rivals, found.many, looked_at)
 
 
 def _rivals(
@@ -274,11 +297,11 @@ def _first_step(question: Question, scorer: Scorer, evidence: Evidence) -> tuple
     if not worth_a_further_effect(first.end):
         return evidence, first
     watch = question.stages.part(0.75, 0.77)
-    weights, beyond = path[-1].weights, first.beyond_grid
-    resolved = break_ties(question.reduction, scorer, evidence, weights, watch, GRID_LOG_ODDS, beyond)
-    if resolved.best is evidence.best:
-        return resolved, first
-    return resolved, _refined_first(question, [resolved.base, resolved.best])
+    weights, also = path[-1].weights, first.off_grid
+    resolved, found = break_ties(question.reduction, scorer, evidence, weights, watch, GRID_LOG_ODDS, also)
+    if resolved.best is not evidence.best:
+        first = _refined_first(question, [resolved.base, resolved.best])
+    return resolved, replace(first, looked_at=found)
 
 
 def _refined_first(question: Question, path: list[FittedModel]) -> FirstStep:
@@ -310,22 +333,26 @@ def _many(
 
 def _path(
     question: Question, scorer: Scorer, evidence: Evidence, first: FirstStep
-) -> tuple[Evidence, list[FittedModel]]:
+) -> tuple[Evidence, list[FittedModel], Refined]:
     """The path from the evidence for one effect to all; and the evidence, where ties of it were broken.
 
     They are where the path ends at once: among rivals it may have taken the wrong one.
+
+    Returns:
+        The evidence, the path, and what was looked at between the points of the grids.
     """
     path = first.path
     if first.refined is None or worth_a_further_effect(first.end):
         effects, watch = scorer.reduced.layout.effects, question.stages.part(0.75, 0.88)
         path = forward_selection(scorer, evidence, effects, len(question.given), watch)
     if evidence.verdict != Verdict.MISSING_EFFECT or len(path) != 2:
-        return evidence, path
+        return evidence, path, first.looked_at
     watch, beyond = question.stages.part(0.88, 0.9), first.beyond_grid
-    resolved = break_ties(question.reduction, scorer, evidence, path[-1].weights, watch, also=beyond)
+    resolved, found = break_ties(question.reduction, scorer, evidence, path[-1].weights, watch, also=beyond)
+    found = {**first.looked_at, **found}
     if resolved.best is evidence.best:
-        return resolved, path
-    return resolved, [resolved.base, resolved.best]
+        return resolved, path, found
+    return resolved, [resolved.base, resolved.best], found
 
 
 def _judged_given_path(
