@@ -311,7 +311,7 @@ ONE_WAY, ONE_WAY_POINTS = 0.8, 2000
 """Share of a run's travel by which its ends lie apart if it goes one way, told of so many points; assumed."""
 STANDING_LOAD = 0.1
 """A load stands that varies in a run by less than this share of what it differs by between runs; assumed."""
-STILL_LEFT = 0.25
+STILL_LEFT = 0.5
 """Share of the misfit that may be left where constants of runs which repeat no motion are taken for real;
 assumed."""
 LEAST_CONSTANTS = 0.01

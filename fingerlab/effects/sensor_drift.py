@@ -33,7 +33,12 @@ EFFECT = Effect(
     acts_on=("joint_torque", "cable_kinematics"),
     gains={
         f"rate_{joint}": Parameter(
-            "rad/s", -0.01, 0.01, 0.0005, source="KMA210 data sheet: 0.64 degree", title="drift rate"
+            "rad/s",
+            -0.01,
+            0.01,
+            0.0005,
+            title="drift rate",
+            source="assumed: the 0.64 degrees of the KMA210 data sheet within a second",
         )
         for joint in ("mcp", "pip")
     },

@@ -302,9 +302,11 @@ LEAST = 1e-9
 def winding(v: Values) -> dict[str, float]:
     """The travel over which a friction builds up from nothing, rad; that of the plant where none was found.
 
-    Found is the way behind a reversal, which for one contact (sharpness 1) is twice as long.
+    Found is the way behind a reversal, which for one contact (sharpness 1) is twice as long; where the PIP
+    joint was found to have another one than the MCP joint, the twin's joints have what lies between.
     """
-    way = math.radians(v.get("travel_deg", 0.0)) / (1.0 + v.get("sharpness", 0.0))
+    mcp = v.get("travel_deg", 0.0)
+    way = math.radians(math.sqrt(mcp * v.get("pip_travel_deg", mcp))) / (1.0 + v.get("sharpness", 0.0))
     return {"travel": way} if way > 0.0 else {}
 
 

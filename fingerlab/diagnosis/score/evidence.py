@@ -193,31 +193,40 @@ def judged_with_path(evidence: Evidence, last: FittedModel) -> Evidence:
     return replace(evidence, probabilities=shares, nothing=none, unknown=other, logs=logs)
 
 
-def averaged_over_weights(
-    rescored: Evidence, first: FittedModel, looked_at: Sequence[FittedModel] = ()
-) -> Evidence:
+def averaged_over_weights(rescored: Evidence, refined: Sequence[FittedModel]) -> Evidence:
     """The evidence with the mean of the odds that its effects have and those that its weights give them.
 
     How much of what is left a model may call noise is not known better: near the floor, odds of e^10 under
     the weights of the search were odds of e^-5 under those of the effect that it found.
 
     Args:
-        first: model that the path leads to, its shape refined; an effect that the mean prefers to its own is
-            only as likely. looked_at: others with refined shapes. They count as they are refined.
+        refined: models of effects with refined shapes; they count as they are there.
     """
-    names = [one.last_effect.id for one in rescored.candidates]
-    refined = {one.last_effect.id: one for one in (*looked_at, first)}
-    closest = [
-        min(one, refined.get(name, one), key=lambda m: m.misfit)
-        for name, one in zip(names, rescored.candidates, strict=True)
-    ]
+    by_id = {one.last_effect.id: one for one in refined}
+    closest = [min(one, by_id.get(one.last_effect.id, one), key=_misfit) for one in rescored.candidates]
     log_odds = 0.5 * (rescored.log_odds + log_odds_among(rescored.base, closest))
-    if first.last_effect.id in names:
-        i = names.index(first.last_effect.id)
-        log_odds[i] = max(log_odds[i], float(log_odds.max()) + TIE_LOG_ODDS)
+    return _with_log_odds(rescored, log_odds)
+
+
+def _misfit(fitted: FittedModel) -> float:
+    return fitted.misfit
+
+
+def _with_log_odds(evidence: Evidence, log_odds: Array) -> Evidence:
+    """The evidence, and which effect it is by these odds, (candidates,)."""
     log_odds = log_odds - log_odds.max(initial=-np.inf)
-    found = float(rescored.probabilities.sum())
-    return replace(rescored, log_odds=log_odds, probabilities=found * shares_of(log_odds))
+    found = float(evidence.probabilities.sum())
+    return replace(evidence, log_odds=log_odds, probabilities=found * shares_of(log_odds))
+
+
+def no_less_likely(evidence: Evidence, name: str) -> Evidence:
+    """The evidence where the effect of this id, with which a path begins, is as likely as any other."""
+    names = [one.last_effect.id for one in evidence.candidates]
+    if name not in names:
+        return evidence
+    log_odds, i = evidence.log_odds.copy(), names.index(name)
+    log_odds[i] = max(log_odds[i], float(log_odds.max()) + TIE_LOG_ODDS)
+    return _with_log_odds(evidence, log_odds)
 
 
 def exchanged(evidence: Evidence, law: str, plainer: str) -> Evidence:

@@ -17,6 +17,7 @@ from fingerlab.diagnosis.score.evidence import (
     given_the_others,
     judge,
     judged_with_path,
+    no_less_likely,
     with_best_unconfirmed,
     with_first_step,
     with_lack_of_fit,
@@ -205,10 +206,10 @@ def search_effects(question: Question, scorer: Scorer) -> Found:
     if refined is not None or len(path) > 2 or scorer.reduced.pairs or looked_at:
         # Every score of an answer is told in the floors of the same, last model.
         evidence = rescore(scorer, evidence, weights)
+        path = [evidence.base, *path[1:]]
         if len(path) == 2:
             looked_at = rescore_refined(looked_at, weights)
-            evidence = averaged_over_weights(evidence, path[1], [one for _, one in looked_at.values()])
-        path = [evidence.base, *path[1:]]
+            evidence, refined, path = _of_likeliest(evidence, refined, path, looked_at)
     if many is not None:
         evidence = with_first_step(evidence, path)
     evidence = judged_with_path(evidence, path[-1])
@@ -224,6 +225,24 @@ def search_effects(question: Question, scorer: Scorer) -> Found:
     if not all(group.repeats for group in scorer.reduced.groups):
         found = _in_floors(question, found)
     return _with_what_could_hide(found)
+
+
+def _of_likeliest(
+    evidence: Evidence, refined: Scorer | None, path: list[FittedModel], looked_at: Refined
+) -> tuple[Evidence, Scorer | None, list[FittedModel]]:
+    """Odds by all that was looked at between the points of the grids; and the path of the likeliest of it.
+
+    Args:
+        evidence, path, looked_at: all scored under the same weights. refined: what scored the path, if that
+            was refined.
+    """
+    first = path[1].last_effect.id
+    evidence = averaged_over_weights(evidence, [*(one for _, one in looked_at.values()), path[1]])
+    name = evidence.best.last_effect.id
+    if name != first and name in looked_at:
+        refined, likeliest = looked_at[name]
+        return evidence, refined, [path[0], likeliest]
+    return no_less_likely(evidence, first), refined, path
 
 
 def _with_what_could_hide(found: Found) -> Found:
