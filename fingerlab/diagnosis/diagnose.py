@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
+import numpy as np
 from threadpoolctl import threadpool_limits
 
 from fingerlab.core.errors import UserError
@@ -69,6 +70,7 @@ from fingerlab.diagnosis.search.next_effect import at_edges, fitted_to_the_end
 from fingerlab.diagnosis.search.strategy import Found, Question, Stages, search_effects
 from fingerlab.diagnosis.settings import (
     FULL_ITERATIONS,
+    HALF_LEFT,
     NEARLY_RIGHT,
     REPLACING_SHARE,
     RUN_LOG_ODDS,
@@ -196,20 +198,24 @@ def check_held(reduction: Reduction, scorer: Scorer, given: Sequence[Effect]) ->
 
 
 def searched_again(question: Question, scorer: Scorer, found: Found) -> Found:
-    """The search with constants of the runs by what the best model misses on their averages.
+    """The search with constants of the runs by what the best model misses on their averages, or one as near.
 
     Only of runs whose motion does not come again, which would have told them, or where some were told and
-    others may be hidden by those; and only if that leaves far less.
+    others may be hidden by those; and only if that leaves far less, or half and nothing more to be found.
     """
     reduction, last = question.reduction, found.path[-1]
     if scorer.reduced.on_bench and zero_is_confounded(reduction.analysed):
         return found
-    constants, beside = likeliest_constants(reduction, found.refined or scorer, last)
-    if constants is None or not beside.misfit < STILL_LEFT * last.misfit:
+    models = [(found.refined or scorer, last), *found.looked_at.values()]
+    each = (likeliest_constants(reduction, by, model) for by, model in models)
+    constants, beside = min(each, key=lambda one: np.inf if one[0] is None else one[1].misfit)
+    if constants is None or not beside.misfit < HALF_LEFT * last.misfit:
         return found
     before, reduction.constants = reduction.constants, constants
     other = search_effects(question, scorer.with_constants(constants))
-    if other.path[-1].misfit < STILL_LEFT * last.misfit:
+    end, nothing = other.path[-1], other.evidence.verdict == Verdict.NOTHING_MISSING
+    most = HALF_LEFT if nothing or not lacks_fit(end, NEARLY_RIGHT) else STILL_LEFT
+    if end.misfit < most * last.misfit:
         return other
     reduction.constants = before
     return found
