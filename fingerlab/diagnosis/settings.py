@@ -315,8 +315,9 @@ STILL_LEFT = 0.25
 """Share of the misfit that may be left where constants of runs which repeat no motion are taken for real;
 assumed."""
 HALF_LEFT = 0.5
-"""The same where beside them nothing more is found to be missing, or the path ends near the floor: sensors that wander slowly have half of it or
-more in the runs' averages, a law that is missing has most of it within the runs; assumed."""
+"""The same where beside them nothing more is found to be missing, or the path ends near the floor: sensors
+that wander slowly have half of it or more in the runs' averages, a law that is missing has most of it within
+the runs; assumed."""
 LEAST_CONSTANTS = 0.01
 """Log density by which every value of repeated runs must gain from such constants, or there are none: a
 squared score of 0.02. Clean benches gain 0.001 at most; 30 mA of an amplifier or 0.4 degrees of a sensor gain
