@@ -248,7 +248,8 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
     usual = session_features(runs, errors.values(), evidence.base.score, path[-1].score)
     probabilities, calibration = calibrated(evidence.odds, verdict, *usual)
     probability = dict(zip(evidence.odds.answers, map(float, probabilities), strict=True))
-    stuck = at_edges(scorer, evidence)
+    looked_at = [one for _, one in found.looked_at.values()]
+    stuck = at_edges(scorer, evidence, [*looked_at, *path[1:2]] if len(path) == 2 else ())
     chosen = cannot_be_ruled_out(evidence, calibration, probability)
     chosen += [i for i in stuck if i not in chosen]
     reduction, by_last = question.reduction, found.refined or scorer

@@ -401,6 +401,7 @@ def rubbing(
     sharpnesses: Sequence[float] = SHARPNESSES,
     speed_factors: Sequence[float] = FINEST_OCTAVE,
     by_speed: bool = False,
+    least_speed: float = 0.0,
 ) -> Closer:
     """Friction that builds up over other travels and along other virgin curves.
 
@@ -409,12 +410,14 @@ def rubbing(
     other speeds.
 
     Args:
-        by_speed: whether friction beside a finger is tried by the speed, too.
+        by_speed: whether friction beside a finger is tried by the speed, too. least_speed: at which it turns
+            round, rad/s.
     """
 
     def around(shape: Shape) -> Sequence[Shape]:
         if REVERSAL_SPEED in shape:
-            near = times(REVERSAL_SPEED, speed_factors)(shape)
+            faster = times(REVERSAL_SPEED, speed_factors)(shape)
+            near = [one for one in faster if one[REVERSAL_SPEED] >= min(least_speed, shape[REVERSAL_SPEED])]
             return [*near, *_other_travels(shape, sharpnesses)]
         even = shape["travel_deg"] / (1.0 + shape.get("sharpness", 0.0))
         near = [

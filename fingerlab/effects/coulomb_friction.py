@@ -12,7 +12,14 @@ from fingerlab.effects.base import (
     Term,
     rubbing,
 )
-from fingerlab.effects.joints import COULOMB, JOINT_TRAVELS_DEG, both, friction_of_joints, joint_terms
+from fingerlab.effects.joints import (
+    COULOMB,
+    JOINT_TRAVELS_DEG,
+    LEAST_JOINT_SPEED,
+    both,
+    friction_of_joints,
+    joint_terms,
+)
 from fingerlab.physics.motion import Motion
 
 
@@ -34,7 +41,7 @@ EFFECT = Effect(
     mend="Polish or exchange the hinge pins; a larger motion makes its share smaller.",
     shapes=tuple({"travel_deg": travel} for travel in JOINT_TRAVELS_DEG),
     shape_units={"travel_deg": "deg", REVERSAL_SPEED: "rad/s"},
-    closer=rubbing(by_speed=True),
+    closer=rubbing(by_speed=True, least_speed=LEAST_JOINT_SPEED),
     followed={"coulomb_mcp": "MCP friction, Coulomb", "coulomb_pip": "PIP friction, Coulomb"},
     formula=Formula(
         equation=r"\tau_j = C_j\,z(\theta_j;\delta)",

@@ -18,6 +18,9 @@ JOINT_TRAVELS_DEG = (0.06, 0.085, 0.12, 0.17, 0.24, 0.34, 0.48)
 """Travel over which a Coulomb joint reverses 63 % of its friction, degrees: from the sensor's 0.04 degrees
 (KMA210 data sheet), so that noise does not flip the sign of a joint at rest, to the least that is called
 presliding; assumed."""
+LEAST_JOINT_SPEED = 0.0075
+"""At which a joint's friction by the speed turns round, rad/s: what is far below the noise of its speed (of
+0.05 degrees below 8 Hz, some 0.03 rad/s) makes noise of all that it explains; assumed."""
 COULOMB = Parameter(
     "N m", 0.0, 0.05, 0.005, title="friction torque", varies_between_runs=True, holds_at_rest=True
 )

@@ -19,7 +19,14 @@ from fingerlab.effects.base import (
     rubbing,
     times,
 )
-from fingerlab.effects.joints import COULOMB, JOINT_TRAVELS_DEG, both, friction_of_joints, joint_terms
+from fingerlab.effects.joints import (
+    COULOMB,
+    JOINT_TRAVELS_DEG,
+    LEAST_JOINT_SPEED,
+    both,
+    friction_of_joints,
+    joint_terms,
+)
 from fingerlab.physics.motion import Motion
 
 STRIBECK_SPEEDS = (0.2, 0.6)
@@ -65,7 +72,7 @@ EFFECT = Effect(
     shape_units={"stribeck_speed": "rad/s", "travel_deg": "deg", REVERSAL_SPEED: "rad/s"},
     closer=every(
         times("stribeck_speed", SPEED_FACTORS),
-        rubbing(sharpnesses=(0.0, 1.0), speed_factors=OCTAVE, by_speed=True),
+        rubbing(sharpnesses=(0.0, 1.0), speed_factors=OCTAVE, by_speed=True, least_speed=LEAST_JOINT_SPEED),
     ),
     formula=Formula(
         equation=r"\tau_j = z(\theta_j;\delta)\left(C_j + E_j\,e^{-(\dot\theta_j/v_s)^2}\right)",

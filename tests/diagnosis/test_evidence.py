@@ -16,6 +16,7 @@ from fingerlab.diagnosis.score.evidence import (
     given_the_others,
     judge,
     judged_with_path,
+    no_less_likely,
 )
 from fingerlab.diagnosis.score.selection import justified, penalty_of_small_excess
 from fingerlab.effects import CATALOGUE
@@ -139,28 +140,31 @@ def test_odds_are_the_mean_of_those_under_both_weights() -> None:
     first = judged(4.2, capstan_friction=1.0, load_dependent_friction=1.2)
     last = judged(4.2, capstan_friction=1.2, load_dependent_friction=1.0)
     rescored = replace(first, base=last.base, candidates=last.candidates)
-    both = averaged_over_weights(rescored, trial(1.0, "load_dependent_friction"))
+    both = averaged_over_weights(rescored, [trial(1.0, "load_dependent_friction")])
     assert named(first, "capstan_friction") > 0.99
     assert named(last, "load_dependent_friction") > 0.99
     even = 0.5 * (first.log_odds + last.log_odds)
     assert both.log_odds == pytest.approx(even - even.max(), abs=1e-5)
     assert both.probabilities.sum() == pytest.approx(first.probabilities.sum())
     # Where the mean prefers another, the one that the path begins with stays first, and as likely.
-    tied = averaged_over_weights(rescored, trial(1.2, "capstan_friction"))
+    tied = no_less_likely(both, "capstan_friction")
     assert tied.best.last_effect.id == "capstan_friction"
     assert named(tied, "capstan_friction") == pytest.approx(named(tied, "load_dependent_friction"), rel=1e-3)
 
 
-def test_where_grids_leave_much_the_refined_model_counts() -> None:
+def test_effects_count_as_they_are_with_refined_shapes() -> None:
     """On their grids both leave two floors; of the one that the path leads to a finer shape leaves one."""
     first = judged(5.0, capstan_friction=1.9, motor_stribeck_friction=2.2)
     assert first.best.last_effect.id == "capstan_friction"
-    said = averaged_over_weights(first, trial(1.1, "motor_stribeck_friction"))
+    said = averaged_over_weights(first, [trial(1.1, "motor_stribeck_friction")])
     assert said.best.last_effect.id == "motor_stribeck_friction"
-    # Near the floor a shape that only one of them was given tells nothing.
-    near = judged(1.4, motor_presliding=1.09, motor_coulomb_friction=1.10)
-    same = averaged_over_weights(near, trial(1.0, "motor_coulomb_friction"))
-    assert named(same, "motor_presliding") == pytest.approx(named(same, "motor_coulomb_friction"), rel=1e-3)
+    # A rival whose shape was refined, too, is as likely again.
+    near = judged(1.4, motor_presliding=1.30, motor_coulomb_friction=1.09)
+    alone = averaged_over_weights(near, [trial(1.05, "motor_coulomb_friction")])
+    both = averaged_over_weights(
+        near, [trial(1.05, "motor_presliding"), trial(1.05, "motor_coulomb_friction")]
+    )
+    assert named(both, "motor_presliding") > named(alone, "motor_presliding")
 
 
 def test_a_plainer_law_takes_the_odds_of_the_one_that_it_replaces() -> None:

@@ -71,7 +71,9 @@ def test_the_missing_effect_comes_first(name: str) -> None:
 @pytest.mark.parametrize("name", list(CASES))
 def test_the_missing_effect_is_in_a_small_set_with_its_strength(name: str) -> None:
     assert name in diagnosed(name).set
-    assert len(diagnosed(name).set) <= 3
+    # A law that holds the true one and more leaves no more than it by construction.
+    own = CATALOGUE[name].gains.keys()
+    assert sum(not own < CATALOGUE[one].gains.keys() for one in diagnosed(name).set) <= 3
     for key, truth in CASES[name][1].items():
         found = found_by(name).parameters[key]
         half = 0.5 * (found.high - found.low)

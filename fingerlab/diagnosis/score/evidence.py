@@ -202,14 +202,19 @@ def averaged_over_weights(rescored: Evidence, refined: Sequence[FittedModel]) ->
     Args:
         refined: models of effects with refined shapes; they count as they are there.
     """
-    by_id = {one.last_effect.id: one for one in refined}
-    closest = [min(one, by_id.get(one.last_effect.id, one), key=_misfit) for one in rescored.candidates]
+    closest = closest_of(rescored.candidates, refined)
     log_odds = 0.5 * (rescored.log_odds + log_odds_among(rescored.base, closest))
     return _with_log_odds(rescored, log_odds)
 
 
-def _misfit(fitted: FittedModel) -> float:
-    return fitted.misfit
+def closest_of(candidates: Sequence[FittedModel], refined: Sequence[FittedModel]) -> list[FittedModel]:
+    """The candidates, each as it is with its refined shape if it leaves less there."""
+    by_id = {one.last_effect.id: one for one in refined}
+
+    def misfit(fitted: FittedModel) -> float:
+        return fitted.misfit
+
+    return [min(one, by_id.get(one.last_effect.id, one), key=misfit) for one in candidates]
 
 
 def _with_log_odds(evidence: Evidence, log_odds: Array) -> Evidence:

@@ -185,16 +185,10 @@ def _at_best_shapes(scorer: Scorer, fitted: FittedModel) -> FittedModel:
 
 
 def _best_shape(scorer: Scorer, fitted: FittedModel, k: int) -> FittedModel:
-    """The model with its effect ``k`` at the shape that fits best, under the weights of that model.
-
-    Not at one that leaves more with the noise counted in: a law that turns round faster than the sensors can
-    tell makes noise of all that it explains.
-    """
+    """The model with its effect ``k`` at the shape that fits best, under the weights of that model."""
     for _ in range(SHAPE_ROUNDS):
-        before, most = fitted.choices[k].shape, scorer.deviance(fitted)
-        others = _other_shapes(scorer, fitted, k)
-        likely = [m for m in others if m.choices[k].shape == before or scorer.deviance(m) <= most]
-        found = min(likely, key=lambda m: m.fit.cost)
+        before = fitted.choices[k].shape
+        found = min(_other_shapes(scorer, fitted, k), key=lambda m: m.fit.cost)
         fitted = scorer.fit_reweighted(found.choices, found)
         if found.choices[k].shape == before:
             break

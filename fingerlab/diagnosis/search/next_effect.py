@@ -21,7 +21,7 @@ from fingerlab.diagnosis.fit.bounded_step import bounded_step
 from fingerlab.diagnosis.fit.data import Data, Weights
 from fingerlab.diagnosis.fit.solver import Fitter
 from fingerlab.diagnosis.gram.run_constants import EquationWeights, schur_complement
-from fingerlab.diagnosis.score.evidence import Evidence, judge
+from fingerlab.diagnosis.score.evidence import Evidence, closest_of, judge
 from fingerlab.diagnosis.score.fitted_model import FittedModel, at_assumed_bounds, at_bounds
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.score.selection import justified, lacks_fit, log_odds_among
@@ -192,13 +192,17 @@ def off_its_bounds(scorer: Scorer, fitted: FittedModel, iterations: int = SCREEN
     return fitted
 
 
-def at_edges(scorer: Scorer, evidence: Evidence) -> list[int]:
+def at_edges(scorer: Scorer, evidence: Evidence, refined: Sequence[FittedModel] = ()) -> list[int]:
     """Indices of candidates at the edge of what is allowed, which could be what is missing beyond it.
 
     With ten times the range, or more, each would be a step worth taking, and as likely as those that cannot
     be ruled out. Who stands at an edge and explains no more beyond it is ruled out as others are.
+
+    Args:
+        refined: models of effects between the points of their grids, scored under the same weights.
     """
     found = []
+    closest = closest_of(evidence.candidates, refined)
     for i, fitted in enumerate(evidence.candidates):
         beyond = fitted
         for _ in range(MOST_WIDENED):  # what one strength may grow to brings the next one to its edge
@@ -211,7 +215,7 @@ def at_edges(scorer: Scorer, evidence: Evidence) -> list[int]:
         if beyond is fitted:
             continue
         beyond = scorer.score_held_out(beyond)
-        others = [c for k, c in enumerate(evidence.candidates) if k != i]
+        others = [c for k, c in enumerate(closest) if k != i]
         odds = log_odds_among(evidence.base, [*others, beyond])[-1]
         if odds > -SET_LOG_ODDS and justified(evidence.base, beyond):
             found.append(i)
