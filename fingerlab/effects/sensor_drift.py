@@ -33,12 +33,7 @@ EFFECT = Effect(
     acts_on=("joint_torque", "cable_kinematics"),
     gains={
         f"rate_{joint}": Parameter(
-            "rad/s",
-            -0.01,
-            0.01,
-            0.0005,
-            title="drift rate",
-            source="assumed: the 0.64 degrees of the KMA210 data sheet within a second",
+            "rad/s", -0.05, 0.05, 0.0005, "assumed: 0.64 degrees (KMA210 data sheet) in 0.2 s", "drift rate"
         )
         for joint in ("mcp", "pip")
     },

@@ -48,6 +48,19 @@ def test_a_motor_torque_is_the_same_tension_in_both_joints(name: str) -> None:
             }
 
 
+def test_a_sheath_may_rub_by_the_speed() -> None:
+    """Of a share s: T tanh(v / v_r) winding in, and 1 / (1 - s) times as much paying out (Euler)."""
+    motion, width = moving(), 0.05
+    shape = {"reversal_speed": width, "stretch_behind": 1.0, "held": 0.0}
+    cable = next(name for name, sign in CABLE_SIGN.items() if sign == motion.cable_sign)
+    for share in (0.0, 0.3):
+        told = {**shape, f"share_{cable}": share}
+        state = np.tanh(motion.velocity / width)
+        expected = driven_tension(motion, told) * state * np.where(state < 0.0, 1.0 / (1.0 - share), 1.0)
+        terms = CATALOGUE["capstan_friction"].columns(motion, told)
+        assert column(terms, Row.MCP, cable) == pytest.approx(expected)
+
+
 SHARP = CATALOGUE["motor_coulomb_friction"].shapes[0]
 """Friction that builds up over the least travel, as the other effects of the drive take it."""
 

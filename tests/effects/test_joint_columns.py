@@ -82,6 +82,19 @@ def test_work_lost_to_viscous_and_coulomb_friction() -> None:
         assert work("coulomb_friction", shape) == pytest.approx(4 * (amplitude - travel), rel=5e-3)
 
 
+@pytest.mark.parametrize("law", [{}, {"masing": 1.0, "start": 1.0, "sharpness": 0.5}])
+def test_presliding_of_the_pip_joint_may_have_a_travel_of_its_own(law: dict[str, float]) -> None:
+    """Each joint then has what both have at its travel."""
+    motion, effect = moving(), CATALOGUE["presliding_hysteresis"]
+    apart = effect.columns(motion, {**law, "travel_deg": 2.0, "pip_travel_deg": 6.0})
+    for row, travel in ((Row.MCP, 2.0), (Row.PIP, 6.0)):
+        alike = column(effect.columns(motion, {**law, "travel_deg": travel}), row)
+        assert column(apart, row) == pytest.approx(alike, abs=1e-12)
+    assert column(apart, Row.PIP) != pytest.approx(
+        column(effect.columns(motion, {**law, "travel_deg": 2.0}), Row.PIP), abs=0.05
+    )
+
+
 def test_stribeck_excess_is_gone_at_speed() -> None:
     motion = moving()
     assert motion.joints is not None
