@@ -43,7 +43,7 @@ def wandered(seed: int) -> Session:
 
 @pytest.mark.parametrize("seed", [1, 3])
 def test_a_plain_bench_whose_sensors_wander_lacks_nothing(seed: int) -> None:
-    """Much of such noise is a constant of each run, which no cycle tells; without those it left 1.25 and 1.3."""
+    """Much of such noise is a constant of each run, which no cycle tells; it had left 1.25 and 1.3 floors."""
     said = diagnose([wandered(seed)], with_curves=False)
     assert said.verdict == "nothing_missing"
     assert said.score < 1.15
