@@ -441,8 +441,8 @@ USUAL_LEFT = 0.14
 leave less, bench-plain 0.05; it tells nothing."""
 LEAST_DIFFERENCE = 0.1
 """Two models whose squared scores differ by less than this leave about the same: of a bench that is not ours
-something small is missing everywhere. With 0.02 the mean log loss of the true effect was 0.26 on trials of the
-twin, 0.60 on the second engine's and 0.65 on benches of a tester's; with this 0.19, 0.52 and 0.52."""
+something small is missing everywhere. With 0.02 the mean log loss of the true effect was 0.26 on trials of
+the twin, 0.60 on the second engine's and 0.65 on benches of a tester's; with this 0.19, 0.52 and 0.52."""
 COST_OF_A_GAIN = 0.5
 """Log odds that a further unknown must overcome."""
 LEAST_EXCESS = 0.2
