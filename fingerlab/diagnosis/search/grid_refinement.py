@@ -289,7 +289,7 @@ def with_plainer_end(
         law = steps[-1].choices[place].effect if place < len(steps[-1].choices) else None
         if law is None or not law.excess:
             continue
-        plainer = [e for e in catalogue if _holds(law, e) and e.id not in steps[-1].effect_ids]
+        plainer = [e for e in catalogue if holds(law, e) and e.id not in steps[-1].effect_ids]
         for effect in plainer:
             scorer, steps = _plainer_at(reduction, scorer, steps, place, effect, watch)
     return scorer, steps
@@ -396,7 +396,7 @@ def ties_to_refine(
     others = {i for i, one in enumerate(candidates) if also & one.last_effect.shape_units.keys()}
     if evidence.least_left > NEARLY_RIGHT:
         laws = [candidates[i].last_effect for i in tied]
-        others |= {i for i, one in enumerate(candidates) if any(_holds(one.last_effect, law) for law in laws)}
+        others |= {i for i, one in enumerate(candidates) if any(holds(one.last_effect, law) for law in laws)}
     others.update(_near_the_best(evidence))
     tied += sorted(others.difference(tied))
     return [] if len(tied) < 2 or not any(can_refine(candidates[i].choices) for i in tied) else tied
@@ -410,7 +410,7 @@ def _near_the_best(evidence: Evidence) -> list[int]:
     return [i for i in near[:MOST_RIVALS] if can_refine(evidence.candidates[i].choices)]
 
 
-def _holds(effect: Effect, law: Effect) -> bool:
+def holds(effect: Effect, law: Effect) -> bool:
     """Whether an effect is a law with further gains."""
     return bool(law.gains) and law.gains.keys() < effect.gains.keys() and law.equation == effect.equation
 

@@ -35,6 +35,7 @@ from fingerlab.diagnosis.search.grid_refinement import (
     can_refine,
     extend_path,
     fit_effects,
+    holds,
     refine_path,
     rescore_refined,
     with_plainer_end,
@@ -48,6 +49,7 @@ from fingerlab.diagnosis.settings import (
     JOINT_SEARCH_LEVEL,
     LONGEST_PATH,
     NEARLY_RIGHT,
+    RIVAL_LOG_ODDS,
 )
 from fingerlab.effects.base import Effect
 
@@ -232,6 +234,8 @@ def _of_likeliest(
 ) -> tuple[Evidence, Scorer | None, list[FittedModel]]:
     """Odds by all that was looked at between the points of the grids; and the path of the likeliest of it.
 
+    A plainer law stands first unless the one that holds it is twice as likely.
+
     Args:
         evidence, path, looked_at: all scored under the same weights. refined: what scored the path, if that
             was refined.
@@ -239,10 +243,14 @@ def _of_likeliest(
     first = path[1].last_effect.id
     evidence = averaged_over_weights(evidence, [*(one for _, one in looked_at.values()), path[1]])
     name = evidence.best.last_effect.id
+    near = evidence.log_odds > -RIVAL_LOG_ODDS
+    for one in (c.last_effect for c, close in zip(evidence.candidates, near, strict=True) if close):
+        if holds(evidence.best.last_effect, one) and one.id in (first, *looked_at):
+            name = one.id
     if name != first and name in looked_at:
         refined, likeliest = looked_at[name]
-        return evidence, refined, [path[0], likeliest]
-    return no_less_likely(evidence, first), refined, path
+        path = [path[0], likeliest]
+    return no_less_likely(evidence, path[1].last_effect.id), refined, path
 
 
 def _with_what_could_hide(found: Found) -> Found:
