@@ -496,8 +496,9 @@ CLOSER_RIVALS = 2
 REPLACING_SHARE = 0.5
 """An effect is rather in place of a given one than beside it if that is more than this share of its
 probability."""
-RIVAL_LOG_ODDS = float(np.log(2.0))
-"""Log odds from which on a model with an effect exchanged is told as the better one: twice as likely."""
+RIVAL_LOG_ODDS = 0.5 * float(np.log(2.0))
+"""Log odds from which on a model with an effect exchanged is told as the better one: twice as likely, for
+what is told of effects is twice as sharp as the odds are (``effect`` in ``resources/calibration.json``)."""
 DOUBTED = 0.05
 """Share of its probability that "nothing missing" keeps where a model leaves what no bench does, and that
 effects keep where a path leaves so much; assumed: of blind trials with such a path, 20 in 22 lacked something
