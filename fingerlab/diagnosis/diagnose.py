@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
@@ -9,7 +10,6 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
-import numpy as np
 from threadpoolctl import threadpool_limits
 
 from fingerlab.core.errors import UserError
@@ -206,9 +206,10 @@ def searched_again(question: Question, scorer: Scorer, found: Found) -> Found:
     reduction, last = question.reduction, found.path[-1]
     if scorer.reduced.on_bench and zero_is_confounded(reduction.analysed):
         return found
-    models = [(found.refined or scorer, last), *found.looked_at.values()]
+    others = (one for name, one in found.looked_at.items() if name not in last.effect_ids)
+    models = [(found.refined or scorer, last), *others]
     each = (likeliest_constants(reduction, by, model) for by, model in models)
-    constants, beside = min(each, key=lambda one: np.inf if one[0] is None else one[1].misfit)
+    constants, beside = min(each, key=lambda one: math.inf if one[0] is None else one[1].misfit)
     if constants is None or not beside.misfit < HALF_LEFT * last.misfit:
         return found
     before, reduction.constants = reduction.constants, constants
