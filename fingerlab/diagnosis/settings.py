@@ -347,8 +347,9 @@ ones bends less to them; three to five are enough."""
 
 AT_ONCE = 64
 """So many signals are filtered together: they fit into the processor's cache."""
-MOST_FOLD_BYTES = 64_000_000
-"""So much of the products of models' features in single folds is kept: of some twenty models; assumed."""
+MOST_FOLD_BYTES = 16_000_000
+"""So much of the products of models' features in single folds is kept: of some five models; more made nothing
+quicker."""
 MOST_CLOSER = 8
 """So many reductions of refined grids are kept, each of a few megabytes."""
 MOST_LOOKED_AT = 40
@@ -389,6 +390,10 @@ SETTLED = 0.05
 """Weights that change by no larger share belong to their fit: a score then changes by some per mille."""
 MOST_ROUNDS = 8
 """Times that a model is fitted and weighed again, at most."""
+
+HOPELESS = 5.0
+"""A model whose deviance for each value is so much above the best one's will not be the likeliest under its
+own weights; assumed: those that were had at most 3 more after the first round, others 40 and more."""
 
 # ## When a step of the path is justified
 

@@ -33,7 +33,7 @@ from fingerlab.diagnosis.fit.solver import Fitter
 from fingerlab.diagnosis.gram.run_constants import EquationWeights, Offsets, RunConstants
 from fingerlab.diagnosis.gram.sums import Reduced
 from fingerlab.diagnosis.score.fitted_model import FittedModel, FoldErrors, paired_misfit, sensitivity
-from fingerlab.diagnosis.settings import FULL_ITERATIONS, MOST_ROUNDS, SETTLED, USUAL_ITERATIONS
+from fingerlab.diagnosis.settings import FULL_ITERATIONS, HOPELESS, MOST_ROUNDS, SETTLED, USUAL_ITERATIONS
 from fingerlab.diagnosis.signals.conditions import GroupKey
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
 from fingerlab.effects.base import Row
@@ -201,19 +201,22 @@ class Scorer:
         choices: Sequence[Choice],
         like: FittedModel | None = None,
         weights: Weights | None = None,
+        most: float = np.inf,
     ) -> FittedModel:
         """Fit and reweigh until the weights belong to the fit; it starts as :meth:`fit` does.
+
+        A model that comes out far above ``most``, a deviance, may be left half done.
 
         A tip that sticks leaves the weights wide in contact, and under wide weights nothing speaks against
         it: one that slides is then seen under its own weights, too.
         """
-        settled = self._settled(self.fit(choices, like, weights=weights))
+        settled = self._settled(self.fit(choices, like, weights=weights), most=most)
         if settled.model.tip_law == "slides" or not any(g.in_contact for g in self.reduced.groups):
             return settled
         sliding = self._settled(self.fit_same_law(choices, settled, FULL_ITERATIONS, law="slides"), "slides")
         return min(settled, sliding, key=self.deviance)
 
-    def _settled(self, fitted: FittedModel, law: str | None = None) -> FittedModel:
+    def _settled(self, fitted: FittedModel, law: str | None = None, most: float = np.inf) -> FittedModel:
         """The model fitted again until its weights belong to it; under one ``law`` of the tip if told.
 
         Where fit and weights chase each other, as where noise is far above the motion in contact, the
@@ -227,6 +230,8 @@ class Scorer:
             else:
                 fitted = self.fit_same_law(fitted.choices, fitted, FULL_ITERATIONS, weights, law)
             if change(before, fitted.weights) < SETTLED:
+                return fitted
+            if self.deviance(fitted) > most + HOPELESS * self.data.count:
                 return fitted
             found.append(fitted)
         return min(found, key=self.deviance)

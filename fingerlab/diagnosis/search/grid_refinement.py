@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from types import MappingProxyType
 
 import numpy as np
 
@@ -29,7 +30,14 @@ from fingerlab.diagnosis.score.fitted_model import (
     with_shapes_of,
 )
 from fingerlab.diagnosis.score.scorer import Scorer
-from fingerlab.diagnosis.score.selection import justified, least_fall, log_odds_among, redundant_steps
+from fingerlab.diagnosis.score.selection import (
+    justified,
+    lacks_fit,
+    least_fall,
+    log_odds_among,
+    misfit_of_log_odds,
+    redundant_steps,
+)
 from fingerlab.diagnosis.search.next_effect import climb_grid, judge_all, off_its_bounds
 from fingerlab.diagnosis.search.path import forward_selection, worth_adding
 from fingerlab.diagnosis.settings import (
@@ -339,12 +347,14 @@ def break_ties(
     watch: Watch,
     least: float = -SET_LOG_ODDS,
     also: frozenset[str] = frozenset(),
+    known: Refined = MappingProxyType({}),
 ) -> tuple[Evidence, Refined]:
     """The evidence with the odds of effects that are alike on their grids as refined shapes give them.
 
     Args:
         weights: from which effects without other shapes are reweighted. least: log odds of what is alike.
         also: nonlinear unknowns; effects that may go by one of them are looked at in any case.
+        known: what was refined already, from the same points.
 
     Returns:
         The evidence, and what was looked at.
@@ -357,8 +367,11 @@ def break_ties(
         return evidence, {}
     refined: list[tuple[Scorer, FittedModel]] = []
     for candidate in (evidence.candidates[i] for i in tied):
-        if can_refine(candidate.choices):
-            refined.append(refine_grid(reduction, candidate, watch))
+        if candidate.last_effect.id in known:
+            refined.append(known[candidate.last_effect.id])
+        elif can_refine(candidate.choices):
+            far = _far_from(reduction, scorer, candidate, refined[0], watch) if refined else None
+            refined.append(far or refine_grid(reduction, candidate, watch))
         else:
             alone = scorer.fit_reweighted(candidate.choices, candidate, weights)
             refined.append((scorer, alone))
@@ -371,6 +384,28 @@ def break_ties(
     ]
     found = {one.last_effect.id: (by, one) for (by, _), one in zip(refined, scored, strict=True)}
     return with_refined_odds(evidence, tied, scored), found
+
+
+def _far_from(
+    reduction: Reduction,
+    scorer: Scorer,
+    candidate: FittedModel,
+    likeliest: tuple[Scorer, FittedModel],
+    watch: Watch,
+) -> tuple[Scorer, FittedModel] | None:
+    """The effect at its best shape under the weights of the likeliest one; None: it comes near that, or may.
+
+    Where the likeliest leaves much another law of the same physics may still come to lead.
+    """
+    its, best = likeliest
+    best = its.score_held_out(best)
+    if lacks_fit(best, NEARLY_RIGHT) or holds(candidate.last_effect, best.last_effect):
+        return None
+    under = scorer.fit(candidate.choices, candidate, LOOKING_ITERATIONS, best.weights)
+    by, found = refine_last(reduction, under, watch)
+    least = max(best.misfit, 0.0) / max(best.count, 1.0)
+    near = best.fit.cost + best.count * (misfit_of_log_odds(-SET_LOG_ODDS, least) - least)
+    return (by, found) if found.fit.cost > near else None
 
 
 def rescore_refined(found: Refined, weights: Weights) -> Refined:

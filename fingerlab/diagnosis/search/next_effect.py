@@ -288,8 +288,14 @@ def _leader(scorer: Scorer, base: FittedModel, front: Sequence[FittedModel]) -> 
     one: where a tip seems to rub, its friction is noise to all else in contact.
     """
     least = base.fit.cost - LEADING_SHARE * (base.fit.cost - front[0].fit.cost)
-    likely = [c for c in front if c.fit.cost <= least]
-    return min((scorer.fit_reweighted(c.choices, c) for c in likely), key=scorer.deviance)
+    best, most = None, np.inf
+    for one in (c for c in front if c.fit.cost <= least):
+        fitted = scorer.fit_reweighted(one.choices, one, most=most)
+        deviance = scorer.deviance(fitted)
+        if best is None or deviance < most:
+            best, most = fitted, deviance
+    assert best is not None, "the first of the front is one"
+    return best
 
 
 def _as_held_out(base: FittedModel, fitted: FittedModel) -> FittedModel:

@@ -159,6 +159,13 @@ class FirstStep:
         on_grid = (effect.law_at(i) for i in range(len(effect.shapes)))
         return frozenset(effect.shape_units).difference(*on_grid)
 
+    def refined_of(self, evidence: Evidence) -> Refined:
+        """The effect between the points of its grid, if its refinement began where the evidence has it."""
+        best = evidence.best
+        if self.refined is None or len(self.refined.path) != 2 or not self.refined.is_of(best):
+            return {}
+        return {best.last_effect.id: (self.refined.scorer, self.refined.path[-1])}
+
     @property
     def end(self) -> FittedModel:
         """The model it leads to, as closely as it was looked at."""
@@ -325,7 +332,10 @@ def _first_step(question: Question, scorer: Scorer, evidence: Evidence) -> tuple
         return evidence, first
     watch = question.stages.part(0.75, 0.77)
     weights, also = path[-1].weights, first.off_grid
-    resolved, found = break_ties(question.reduction, scorer, evidence, weights, watch, GRID_LOG_ODDS, also)
+    known = first.refined_of(evidence)
+    resolved, found = break_ties(
+        question.reduction, scorer, evidence, weights, watch, GRID_LOG_ODDS, also, known
+    )
     if resolved.best is not evidence.best:
         first = _refined_first(question, [resolved.base, resolved.best])
     return resolved, replace(first, looked_at=found)
@@ -375,7 +385,10 @@ def _path(
     if evidence.verdict != Verdict.MISSING_EFFECT or len(path) != 2:
         return evidence, path, first.looked_at
     watch, beyond = question.stages.part(0.88, 0.9), first.beyond_grid
-    resolved, found = break_ties(question.reduction, scorer, evidence, path[-1].weights, watch, also=beyond)
+    known = first.refined_of(evidence)
+    resolved, found = break_ties(
+        question.reduction, scorer, evidence, path[-1].weights, watch, also=beyond, known=known
+    )
     found = {**first.looked_at, **found}
     if resolved.best is evidence.best:
         return resolved, path, found
