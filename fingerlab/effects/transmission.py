@@ -31,13 +31,30 @@ RIPPLE_ORDERS = (*range(4, 41, 2), *range(44, 61, 4))
 """Periods a turn of the pulley that are tried; between two of them a travel of 30 degrees shifts the phase by
 a quarter of a radian at most. 4.3:1 gearing puts the motor's 13 commutator segments at 56."""
 
+FRICTIONS_OF_THE_DRIVE = {
+    "motor_coulomb_friction": "coulomb",
+    "motor_stribeck_friction": "coulomb",
+    "asymmetric_friction": "coulomb",
+    "motor_presliding": "dahl",
+}
+"""Effects that rub in motor and gearbox, and their gain; a model holds one of them."""
+
+
+def _of_frictions(shape: str) -> tuple[str, ...]:
+    return tuple(of_shape(name, shape) for name in FRICTIONS_OF_THE_DRIVE)
+
+
 DRIVE = {
     "drive_inertia": ("rotor_inertia", "motor_inertia.inertia"),
-    "drive_coulomb": ("motor_coulomb_friction.coulomb",),
+    "drive_coulomb": tuple(f"{name}.{gain}" for name, gain in FRICTIONS_OF_THE_DRIVE.items()),
+    "drive_travel_deg": _of_frictions("travel_deg"),
+    "drive_sharpness": _of_frictions("sharpness"),
+    "drive_reversal_speed": _of_frictions(REVERSAL_SPEED),
+    "drive_difference": ("asymmetric_friction.difference",),
+    "drive_extra": ("motor_stribeck_friction.extra",),
+    "drive_stribeck_speed": (of_shape("motor_stribeck_friction", "stribeck_speed"),),
     "drive_viscous": ("motor_viscous_friction.viscous",),
-    "drive_travel_deg": (of_shape("motor_coulomb_friction", "travel_deg"),),
-    "drive_sharpness": (of_shape("motor_coulomb_friction", "sharpness"),),
-    "drive_reversal_speed": (of_shape("motor_coulomb_friction", REVERSAL_SPEED),),
+    "drive_stiffness": ("motor_spring.stiffness",),
     "drive_order": (of_shape("torque_ripple", "order"),),
     "drive_sine": ("torque_ripple.sine",),
     "drive_cosine": ("torque_ripple.cosine",),
@@ -45,8 +62,9 @@ DRIVE = {
     "drive_double_cosine": ("torque_ripple.double_cosine",),
 }
 """Numbers of a shape that tell what motor and gearbox keep for themselves, and the unknowns or shapes that
-they are: inertia beyond the rig file's (kg m^2), friction (N m) and the travel, or speed, over which it turns
-round, viscous friction (N m s/rad), and a torque that repeats with the motor's angle (N m), with its
+they are: inertia beyond the rig file's (kg m^2); friction (N m), the travel or speed over which it turns
+round, by how much it differs by direction, and what it has more near standstill (N m, rad/s); viscous
+friction (N m s/rad), stiffness (N m/rad), and a torque that repeats with the motor's angle (N m), with its
 double."""
 
 
@@ -59,15 +77,21 @@ def driven_tension(motion: Motion, shape: Shape) -> Array:
         found = motion.tension - inertia * motion.inertial_pull
         if kept["drive_viscous"]:
             found = found - (kept["drive_viscous"] / motion.radius) * motion.velocity
+        if kept["drive_stiffness"]:
+            found = found - (kept["drive_stiffness"] / motion.radius) * motion.position
         if kept["drive_coulomb"]:
             law = {name: kept[f"drive_{name}"] for name in ("travel_deg", "sharpness", REVERSAL_SPEED)}
             state = drive_state(motion, {name: number for name, number in law.items() if number})
-            found = found - (kept["drive_coulomb"] / motion.radius) * state
+            size: Any = kept["drive_coulomb"]
+            if kept["drive_extra"] and kept["drive_stribeck_speed"]:
+                slow = np.exp(-((motion.velocity / kept["drive_stribeck_speed"]) ** 2))
+                size = size + kept["drive_extra"] * slow
+            found = found - (size * state + kept["drive_difference"]) / motion.radius
         for times, name in ((1, ""), (2, "double_")):
-            size = complex(kept[f"drive_{name}cosine"], -kept[f"drive_{name}sine"])
-            if size:
+            wave = complex(kept[f"drive_{name}cosine"], -kept[f"drive_{name}sine"])
+            if wave:
                 turning = turning_with(motion, times * kept["drive_order"])
-                found = found - (size * turning).real / motion.radius
+                found = found - (wave * turning).real / motion.radius
         return np.asarray(found)
 
     return motion.remember(("driven", *kept.values()), driven)

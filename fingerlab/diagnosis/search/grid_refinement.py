@@ -41,6 +41,7 @@ from fingerlab.diagnosis.score.selection import (
 from fingerlab.diagnosis.search.next_effect import climb_grid, judge_all, off_its_bounds
 from fingerlab.diagnosis.search.path import forward_selection, worth_adding
 from fingerlab.diagnosis.settings import (
+    FAR_LOG_ODDS,
     FOLLOWING_ROUNDS,
     FULL_ITERATIONS,
     LONGEST_PATH,
@@ -403,9 +404,10 @@ def _far_from(
         return None
     under = scorer.fit(candidate.choices, candidate, LOOKING_ITERATIONS, best.weights)
     by, found = refine_last(reduction, under, watch)
+    found = by.score_held_out(found)
     least = max(best.misfit, 0.0) / max(best.count, 1.0)
-    near = best.fit.cost + best.count * (misfit_of_log_odds(-SET_LOG_ODDS, least) - least)
-    return (by, found) if found.fit.cost > near else None
+    near = best.count * misfit_of_log_odds(FAR_LOG_ODDS, least)
+    return (by, found) if found.misfit > near else None
 
 
 def rescore_refined(found: Refined, weights: Weights) -> Refined:
@@ -459,8 +461,11 @@ def with_refined_odds(evidence: Evidence, tied: Sequence[int], refined: Sequence
 
 
 def can_refine(choices: Sequence[Choice]) -> bool:
-    """Whether any of the effects has shapes between the points of its grid."""
-    return any(len(_finer(c).shapes) > 1 for c in choices)
+    """Whether any of the effects has shapes between the points of its grid, or takes one from a gain."""
+    if any(len(_finer(c).shapes) > 1 for c in choices):
+        return True
+    gains = {f"{c.effect.id}.{name}" for c in choices for name in c.effect.gains}
+    return any(gains.intersection(keys) for c in choices for keys in c.effect.follows.values())
 
 
 def _with_dependent_shapes(fitted: FittedModel) -> list[Choice]:

@@ -19,7 +19,7 @@ from fingerlab.diagnosis.equations.model import Choice
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.score.fitted_model import FittedModel, at_found_shapes, with_shapes_of
 from fingerlab.diagnosis.score.scorer import Scorer
-from fingerlab.diagnosis.search.grid_refinement import fit_effects, refine_grid
+from fingerlab.diagnosis.search.grid_refinement import extend_path, fit_effects, refine_grid
 from fingerlab.diagnosis.search.next_effect import ScoreTest, climb_grid
 from fingerlab.diagnosis.settings import (
     CANDIDATES_REFITTED,
@@ -83,6 +83,43 @@ def path_of_many(
     fitted = _without_needless(scorer, fitted, keep, USUAL_SHARE)
     found = _in_order(scorer, fitted, keep)
     return (scorer, found) if _explains_most(scorer, found[-1], keep) else None
+
+
+def path_beside_slack(
+    reduction: Reduction,
+    catalogue: Sequence[Effect],
+    scorer: Scorer,
+    base: FittedModel,
+    watch: Watch,
+) -> tuple[Scorer, list[FittedModel]] | None:
+    """A path of effects that show beside a slack cable alone; None: there is none.
+
+    A torque that the motor keeps for itself looks like tension where the cable hangs loose, and neither
+    explains anything without the other.
+
+    Args, Returns, Raises:
+        As of :func:`path_of_many`.
+    """
+    known = [e for e in scorer.reduced.layout.effects if e.id not in base.effect_ids]
+    found: list[tuple[Scorer, FittedModel]] = []
+    for slack in (e for e in known if e.special == "slack"):
+        followed = {key for keys in slack.follows.values() for key in keys}
+        for one in (e for e in known if any(f"{e.id}.{name}" in followed for name in e.gains)):
+            watch.tell(0.0, f"a slack cable and {one.title.lower()}")
+            given = [*at_found_shapes(base), slack, one]
+            alone = Scorer(reduction.of(given))
+            found.append(refine_grid(reduction, fit_effects(alone, given), watch))
+    if not found:
+        return None
+    keep = len(base.choices)
+    by, best = min(found, key=lambda pair: pair[0].deviance(pair[1]))
+    path = [by.score_held_out(by.fit(best.choices[:k], best)) for k in range(keep, keep + 2)]
+    path.append(by.score_held_out(best))
+    if not _explains_most(by, path[-1], keep):
+        return None
+    longer = extend_path(reduction, catalogue, path, watch)
+    by, path = longer or (by, path)
+    return by, _in_order(by, path[-1], keep)
 
 
 def _explains_most(scorer: Scorer, fitted: FittedModel, keep: int) -> bool:

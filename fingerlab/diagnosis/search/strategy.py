@@ -40,7 +40,7 @@ from fingerlab.diagnosis.search.grid_refinement import (
     rescore_refined,
     with_plainer_end,
 )
-from fingerlab.diagnosis.search.joint_search import path_of_many
+from fingerlab.diagnosis.search.joint_search import path_beside_slack, path_of_many
 from fingerlab.diagnosis.search.next_effect import judge_all, rescore
 from fingerlab.diagnosis.search.path import does_better, forward_selection, worth_a_further_effect
 from fingerlab.diagnosis.settings import (
@@ -365,7 +365,11 @@ def _many(
     if scorer.reduced.on_bench or not far:
         return None
     watch = question.stages.part(0.9, 0.95)
-    return path_of_many(question.reduction, question.catalogue, scorer, evidence.base, watch)
+    ways = (
+        search(question.reduction, question.catalogue, scorer, evidence.base, watch)
+        for search in (path_of_many, path_beside_slack)
+    )
+    return next((way for way in ways if way is not None), None)
 
 
 def _path(
