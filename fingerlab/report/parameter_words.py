@@ -100,7 +100,7 @@ def _plain(name: str) -> str:
     parts = name.split("_")
     while len(parts) > 1 and parts[-1] in (*_JOINT_ENDINGS, "deg", "s", "hz"):
         parts.pop()
-    return " ".join(parts)
+    return " ".join(_JOINT_ENDINGS.get(part, part) for part in parts)
 
 
 def parameter_title(key: str, keys: Sequence[str]) -> str:
