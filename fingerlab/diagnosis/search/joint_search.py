@@ -113,10 +113,11 @@ def path_beside_slack(
         return None
     keep = len(base.choices)
     by, best = min(found, key=lambda pair: pair[0].deviance(pair[1]))
-    path = [by.score_held_out(by.fit(best.choices[:k], best)) for k in range(keep, keep + 2)]
-    path.append(by.score_held_out(best))
-    if not _explains_most(by, path[-1], keep):
+    best = _without_needless(by, best, keep, USUAL_SHARE)
+    if len(best.choices) < keep + 2 or not _explains_most(by, best, keep):
         return None
+    path = [by.score_held_out(by.fit(best.choices[:k], best)) for k in range(keep, keep + 2)]
+    path.append(best)
     longer = extend_path(reduction, catalogue, path, watch)
     by, path = longer or (by, path)
     return by, _in_order(by, path[-1], keep)
