@@ -479,8 +479,8 @@ SET_LOG_ODDS = 3.0
 TIE_LOG_ODDS = 1e-6
 """Log odds by which, of two effects as likely, the one that the path begins with stands first."""
 FAR_LOG_ODDS = -12.0
-"""Log odds below which an effect that was looked at once, under the weights of the best, is not looked at more
-closely: 0.35 of the squared score; assumed, for a closer look took a rival down by 0.13."""
+"""Log odds below which an effect that was looked at once, under the weights of the best, is not looked at
+more closely: 0.35 of the squared score; assumed, for a closer look took a rival down by 0.13."""
 GRID_LOG_ODDS = -6.0
 """Log odds down to which effects are looked at between the points of their grids where the best leaves much;
 assumed: of a sheath the grid left 3.8 floors, 3.6 below a friction by load, and its own best shape 1.4."""

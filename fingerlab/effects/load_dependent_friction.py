@@ -25,7 +25,7 @@ LOAD_SHARE = "load_share"
 """Number of a shape: the share that was found to be lost."""
 MOST_SHARE = 0.5
 """Of the torque; assumed: a dry worm gear, the worst that turns both ways."""
-HELD_TRAVELS_DEG = (0.21, 0.3, 0.42, 0.6, 0.85, 1.2, 1.7)
+HELD_TRAVELS_DEG = (0.3, 0.42, 0.6, 0.85, 1.2, 1.7)
 """Travel over which teeth that are held slide at a load of REFERENCE_LOAD_NM, degrees at the pulley; assumed:
 the wind-up of a gearbox."""
 
