@@ -27,6 +27,9 @@ def test_a_look_is_worth_it_where_a_shape_has_neighbours(name: str, worth: bool)
 def test_one_effect_is_enough() -> None:
     assert not can_refine([])
     assert can_refine([Choice(CATALOGUE["viscous_friction"]), Choice(CATALOGUE["joint_stop"], 3)])
+    # What a spring on the motor side keeps says when the cable hangs loose.
+    assert not can_refine([Choice(CATALOGUE["motor_spring"])])
+    assert can_refine([Choice(CATALOGUE["motor_spring"]), Choice(CATALOGUE["cable_slack"])])
 
 
 def test_shapes_around_one() -> None:

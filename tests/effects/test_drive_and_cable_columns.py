@@ -161,7 +161,7 @@ def test_capstan_loss_is_a_share_of_the_tension_against_the_travel() -> None:
 
 
 def test_a_sheath_takes_its_share_of_what_motor_and_gearbox_leave_and_a_delay_moves_both() -> None:
-    """Grease of 2 mN m s/rad and an inertia more, taken off in closed form; late by 11 ms, the same sines."""
+    """Grease, inertia, ripple, friction and a spring in closed form; late by 11 ms, the same sines."""
     motion = moving()
     told = {"drive_viscous": 2e-3, "drive_inertia": 2e-4, "drive_coulomb": 0.0}
     kept = (MOTOR.inertia + 2e-4) * motion.acceleration + 2e-3 * motion.velocity
@@ -174,6 +174,11 @@ def test_a_sheath_takes_its_share_of_what_motor_and_gearbox_leave_and_a_delay_mo
     rubs = looped_stop(motion.position, np.radians(0.3))  # from rest; from slide to slide twice that
     kept = MOTOR.inertia * motion.acceleration + 4e-3 * rubs
     assert driven_tension(motion, friction) == pytest.approx((motion.torque - kept) / RADIUS)
+    uneven = friction | {"drive_difference": 1e-3, "drive_extra": 2e-3, "drive_stribeck_speed": 0.4}
+    kept = kept + 1e-3 + 2e-3 * np.exp(-((motion.velocity / 0.4) ** 2)) * rubs
+    assert driven_tension(motion, uneven) == pytest.approx((motion.torque - kept) / RADIUS)
+    kept = MOTOR.inertia * motion.acceleration + 0.03 * motion.position
+    assert driven_tension(motion, {"drive_stiffness": 0.03}) == pytest.approx((motion.torque - kept) / RADIUS)
     late = as_effects_see_it(motion, [replace(CATALOGUE["transport_delay"], shapes=({LATE: 0.011},))])
     then = motion.time[3:] - 0.011
     turn = 2 * np.pi * 0.75 * then + 0.8

@@ -43,9 +43,17 @@ def test_sealed_session_is_diagnosed_before_it_is_opened(seed: int, holds_one: b
         assert answer["verdict"] == "nothing_missing"
 
 
-def test_two_effects_that_hide_each_other_are_both_found(tmp_path: Path) -> None:
-    """The cable hangs loose in nearly all of the free flexion; the sweep of pairs has a hundred others."""
-    effects, seed = ("added_mass=x1.1", "cable_slack=x1.2"), 3276
+@pytest.mark.parametrize(
+    ("effects", "seed"),
+    [(("added_mass=x1.1", "cable_slack=x1.2"), 3276), (("motor_spring=x1.3", "cable_slack=x1.2"), 12)],
+)
+def test_two_effects_that_hide_each_other_are_both_found(
+    effects: tuple[str, str], seed: int, tmp_path: Path
+) -> None:
+    """The cable hangs loose in nearly all of the free flexion, or a spring of the motor passes for tension.
+
+    The sweep of pairs has a hundred others.
+    """
     path = tmp_path / "two.h5"
     asked = [word for one in effects for word in ("--effect", one)]
     run("simulate", "--protocol", "rich", *asked, "--seed", str(seed), "--out", path)
