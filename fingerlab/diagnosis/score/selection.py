@@ -86,10 +86,10 @@ def least_explained(base: FittedModel, misfit: float, count: float, in_contact: 
 
 
 def count_unknowns(fitted: FittedModel) -> int:
-    """Unknowns that the model's last effect brings: gains, and one for a grid of shapes."""
-    effect = fitted.last_effect
+    """Unknowns that the model's last effect brings: gains, and one for its shape, on the grid or refined."""
+    effect, shape = fitted.last_effect, fitted.choices[-1].shape
     gains = len(fitted.model.last_gains) - len(effect.offsets)  # what the losses could be explains no misfit
-    return gains + len(effect.relaxes) + (1 if len(effect.shapes) > 3 else 0)
+    return gains + len(effect.relaxes) + bool(effect.law_at(shape))
 
 
 def cost_of_choice(fitted: FittedModel) -> float:
