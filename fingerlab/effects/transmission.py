@@ -32,26 +32,30 @@ RIPPLE_ORDERS = (*range(4, 41, 2), *range(44, 61, 4))
 a quarter of a radian at most. 4.3:1 gearing puts the motor's 13 commutator segments at 56."""
 
 FRICTIONS_OF_THE_DRIVE = {
-    "motor_coulomb_friction": "coulomb",
-    "motor_stribeck_friction": "coulomb",
-    "asymmetric_friction": "coulomb",
-    "motor_presliding": "dahl",
+    "drive": ("motor_coulomb_friction", "coulomb"),
+    "drive_stribeck": ("motor_stribeck_friction", "coulomb"),
+    "drive_uneven": ("asymmetric_friction", "coulomb"),
+    "drive_presliding": ("motor_presliding", "dahl"),
 }
-"""Effects that rub in motor and gearbox, and their gain; a model holds one of them."""
+"""Effects that rub in motor and gearbox, each with its gain, by how their numbers in a shape begin."""
+FRICTION_LAW = ("travel_deg", "sharpness", REVERSAL_SPEED)
+"""Numbers of a shape by which a friction turns round."""
 
 
-def _of_frictions(shape: str) -> tuple[str, ...]:
-    return tuple(of_shape(name, shape) for name in FRICTIONS_OF_THE_DRIVE)
+def _rubbing_numbers() -> dict[str, tuple[str, ...]]:
+    """Of every friction of the drive its size and its law."""
+    found: dict[str, tuple[str, ...]] = {}
+    for start, (name, gain) in FRICTIONS_OF_THE_DRIVE.items():
+        found[f"{start}_coulomb"] = (f"{name}.{gain}",)
+        found |= {f"{start}_{number}": (of_shape(name, number),) for number in FRICTION_LAW}
+    return found
 
 
 DRIVE = {
     "drive_inertia": ("rotor_inertia", "motor_inertia.inertia"),
-    "drive_coulomb": tuple(f"{name}.{gain}" for name, gain in FRICTIONS_OF_THE_DRIVE.items()),
-    "drive_travel_deg": _of_frictions("travel_deg"),
-    "drive_sharpness": _of_frictions("sharpness"),
-    "drive_reversal_speed": _of_frictions(REVERSAL_SPEED),
+    **_rubbing_numbers(),
     "drive_difference": ("asymmetric_friction.difference",),
-    "drive_extra": ("motor_stribeck_friction.extra",),
+    "drive_stribeck_extra": ("motor_stribeck_friction.extra",),
     "drive_stribeck_speed": (of_shape("motor_stribeck_friction", "stribeck_speed"),),
     "drive_viscous": ("motor_viscous_friction.viscous",),
     "drive_stiffness": ("motor_spring.stiffness",),
@@ -62,10 +66,10 @@ DRIVE = {
     "drive_double_cosine": ("torque_ripple.double_cosine",),
 }
 """Numbers of a shape that tell what motor and gearbox keep for themselves, and the unknowns or shapes that
-they are: inertia beyond the rig file's (kg m^2); friction (N m), the travel or speed over which it turns
-round, by how much it differs by direction, and what it has more near standstill (N m, rad/s); viscous
-friction (N m s/rad), stiffness (N m/rad), and a torque that repeats with the motor's angle (N m), with its
-double."""
+they are: inertia beyond the rig file's (kg m^2); of each friction its size (N m) and the travel or speed over
+which it turns round; by how much it differs by direction, what it has more near standstill and below which
+speed (N m, rad/s); viscous friction (N m s/rad), stiffness (N m/rad), and a torque that repeats with the
+motor's angle (N m), with its double."""
 
 
 def driven_tension(motion: Motion, shape: Shape) -> Array:
@@ -79,19 +83,22 @@ def driven_tension(motion: Motion, shape: Shape) -> Array:
             found = found - (kept["drive_viscous"] / motion.radius) * motion.velocity
         if kept["drive_stiffness"]:
             found = found - (kept["drive_stiffness"] / motion.radius) * motion.position
-        if kept["drive_coulomb"]:
-            law = {name: kept[f"drive_{name}"] for name in ("travel_deg", "sharpness", REVERSAL_SPEED)}
+        if kept["drive_difference"]:
+            found = found - kept["drive_difference"] / motion.radius
+        for start in FRICTIONS_OF_THE_DRIVE:
+            if not kept[f"{start}_coulomb"]:
+                continue
+            law = {name: kept[f"{start}_{name}"] for name in FRICTION_LAW}
             state = drive_state(motion, {name: number for name, number in law.items() if number})
-            size: Any = kept["drive_coulomb"]
-            if kept["drive_extra"] and kept["drive_stribeck_speed"]:
+            found = found - (kept[f"{start}_coulomb"] / motion.radius) * state
+            if start == "drive_stribeck" and kept["drive_stribeck_speed"]:
                 slow = np.exp(-((motion.velocity / kept["drive_stribeck_speed"]) ** 2))
-                size = size + kept["drive_extra"] * slow
-            found = found - (size * state + kept["drive_difference"]) / motion.radius
+                found = found - (kept["drive_stribeck_extra"] / motion.radius) * state * slow
         for times, name in ((1, ""), (2, "double_")):
-            wave = complex(kept[f"drive_{name}cosine"], -kept[f"drive_{name}sine"])
-            if wave:
+            size = complex(kept[f"drive_{name}cosine"], -kept[f"drive_{name}sine"])
+            if size:
                 turning = turning_with(motion, times * kept["drive_order"])
-                found = found - (wave * turning).real / motion.radius
+                found = found - (size * turning).real / motion.radius
         return np.asarray(found)
 
     return motion.remember(("driven", *kept.values()), driven)

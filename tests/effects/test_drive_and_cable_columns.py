@@ -174,9 +174,10 @@ def test_a_sheath_takes_its_share_of_what_motor_and_gearbox_leave_and_a_delay_mo
     rubs = looped_stop(motion.position, np.radians(0.3))  # from rest; from slide to slide twice that
     kept = MOTOR.inertia * motion.acceleration + 4e-3 * rubs
     assert driven_tension(motion, friction) == pytest.approx((motion.torque - kept) / RADIUS)
-    uneven = friction | {"drive_difference": 1e-3, "drive_extra": 2e-3, "drive_stribeck_speed": 0.4}
-    kept = kept + 1e-3 + 2e-3 * np.exp(-((motion.velocity / 0.4) ** 2)) * rubs
-    assert driven_tension(motion, uneven) == pytest.approx((motion.torque - kept) / RADIUS)
+    law = {"drive_stribeck_travel_deg": 0.6, "drive_stribeck_sharpness": 1.0, "drive_stribeck_speed": 0.4}
+    falling = {"drive_stribeck_coulomb": 3e-3, "drive_stribeck_extra": 2e-3, **law, "drive_difference": 1e-3}
+    kept = kept + 1e-3 + (3e-3 + 2e-3 * np.exp(-((motion.velocity / 0.4) ** 2))) * rubs
+    assert driven_tension(motion, friction | falling) == pytest.approx((motion.torque - kept) / RADIUS)
     kept = MOTOR.inertia * motion.acceleration + 0.03 * motion.position
     assert driven_tension(motion, {"drive_stiffness": 0.03}) == pytest.approx((motion.torque - kept) / RADIUS)
     late = as_effects_see_it(motion, [replace(CATALOGUE["transport_delay"], shapes=({LATE: 0.011},))])

@@ -369,14 +369,14 @@ def break_ties(
     refined: list[tuple[Scorer, FittedModel]] = []
     for candidate in (evidence.candidates[i] for i in tied):
         if candidate.last_effect.id in known:
-            refined.append(known[candidate.last_effect.id])
+            one = known[candidate.last_effect.id]
         elif can_refine(candidate.choices):
-            far = _far_from(reduction, scorer, candidate, refined[0], watch) if refined else None
-            refined.append(far or refine_grid(reduction, candidate, watch))
+            far = _far_from(reduction, scorer, candidate, refined[0][1], watch) if refined else None
+            one = far or refine_grid(reduction, candidate, watch)
         else:
-            alone = scorer.fit_reweighted(candidate.choices, candidate, weights)
-            refined.append((scorer, alone))
-            weights = alone.weights
+            one = scorer, scorer.fit_reweighted(candidate.choices, candidate, weights)
+            weights = one[1].weights
+        refined.append(one if refined else (one[0], one[0].score_held_out(one[1])))
     # All are scored in the floors of the likeliest.
     floors = min((by.deviance(fitted), k) for k, (by, fitted) in enumerate(refined))[1]
     under = refined[floors][1].weights
@@ -391,15 +391,16 @@ def _far_from(
     reduction: Reduction,
     scorer: Scorer,
     candidate: FittedModel,
-    likeliest: tuple[Scorer, FittedModel],
+    best: FittedModel,
     watch: Watch,
 ) -> tuple[Scorer, FittedModel] | None:
     """The effect at its best shape under the weights of the likeliest one; None: it comes near that, or may.
 
     Where the likeliest leaves much another law of the same physics may still come to lead.
+
+    Args:
+        best: the likeliest on their grids, refined and held out.
     """
-    its, best = likeliest
-    best = its.score_held_out(best)
     if lacks_fit(best, NEARLY_RIGHT) or holds(candidate.last_effect, best.last_effect):
         return None
     under = scorer.fit(candidate.choices, candidate, LOOKING_ITERATIONS, best.weights)

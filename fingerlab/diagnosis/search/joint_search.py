@@ -5,7 +5,7 @@ lacks a dozen things no first step is right: beside a cable that gives by millim
 without it takes a wrong shape, and what comes next mends that. So the search goes the other way here. A model
 with the plainest law of everything that a bench has before anybody measured it (friction, slack, stretch,
 routing, delay) is fitted at once and refined, what the others make needless is dropped, and only then is more
-looked for.
+looked for. Where that finds nothing, a slack cable is tried beside each torque that passes for its tension.
 """
 
 from __future__ import annotations
