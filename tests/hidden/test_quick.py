@@ -62,6 +62,10 @@ def test_two_effects_that_hide_each_other_are_both_found(
     assert answer["verdict"] == "missing_effect"
     assert {step["added"] for step in answer["path"]} - {None} == truth
     assert answer["path"][-1]["score"] < 0.5 * answer["score"]
+    first = answer["path"][1]["added"]
+    then = run("diagnose", path, "--add", first)
+    assert {then["candidates"][0]["effect"]} == truth - {first}
+    assert then["path"][-1]["score"] == pytest.approx(answer["path"][-1]["score"], abs=0.05)
 
 
 def test_one_run_does_not_tell_a_law_with_gains_to_spare(tmp_path: Path) -> None:

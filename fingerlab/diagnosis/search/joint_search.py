@@ -100,23 +100,27 @@ def path_beside_slack(
     Args, Returns, Raises:
         As of :func:`path_of_many`.
     """
-    known = [e for e in scorer.reduced.layout.effects if e.id not in base.effect_ids]
-    found: list[tuple[Scorer, FittedModel]] = []
-    for slack in (e for e in known if e.special == "slack"):
-        followed = {key for keys in slack.follows.values() for key in keys}
-        for one in (e for e in known if any(f"{e.id}.{name}" in followed for name in e.gains)):
-            watch.tell(0.0, f"a slack cable and {one.title.lower()}")
-            given = [*at_found_shapes(base), slack, one]
-            alone = Scorer(reduction.of(given))
-            found.append(refine_grid(reduction, fit_effects(alone, given), watch))
-    if not found:
+    effects, held = scorer.reduced.layout.effects, base.effect_ids
+    slack = next((e for e in effects if e.special == "slack" and e.id not in held), None)
+    if slack is None:
         return None
+    followed = {key for keys in slack.follows.values() for key in keys}
+    of_drive = [e for e in effects if any(f"{e.id}.{name}" in followed for name in e.gains)]
+    tried = [[slack, one] for one in of_drive if one.id not in held]
+    if any(one.id in held for one in of_drive):
+        tried.insert(0, [slack])
+    found: list[tuple[Scorer, FittedModel]] = []
+    for more in tried:
+        watch.tell(0.0, " and ".join(one.title.lower() for one in more))
+        given = [*at_found_shapes(base), *more]
+        found.append(refine_grid(reduction, fit_effects(Scorer(reduction.of(given)), given), watch))
     keep = len(base.choices)
     by, best = min(found, key=lambda pair: pair[0].deviance(pair[1]))
     best = _without_needless(by, best, keep, USUAL_SHARE)
-    if len(best.choices) < keep + 2 or not _explains_most(by, best, keep):
+    both = slack.id in best.effect_ids and any(one.id in best.effect_ids for one in of_drive)
+    if not (both and _explains_most(by, best, keep)):
         return None
-    path = [by.score_held_out(by.fit(best.choices[:k], best)) for k in range(keep, keep + 2)]
+    path = [by.score_held_out(by.fit(best.choices[:k], best)) for k in range(keep, len(best.choices))]
     path.append(best)
     longer = extend_path(reduction, catalogue, path, watch)
     by, path = longer or (by, path)
