@@ -19,7 +19,7 @@ from fingerlab.core.text import (
 from fingerlab.diagnosis.answer.error_parts import Budget, BudgetPart, Comparison
 from fingerlab.diagnosis.answer.residual_profiles import COORDINATES, JOINTS, Profile
 from fingerlab.diagnosis.answer.results import Diagnosis
-from fingerlab.diagnosis.equations.parameters import ARMS
+from fingerlab.diagnosis.equations.parameters import ARMS, SHARES_OF_CONSTANTS
 from fingerlab.diagnosis.score.calibration import Verdict
 from fingerlab.effects import find_effect
 from fingerlab.report.diagnosis_words import FAMILY_TITLES, PHASE_WORDS, effect_title, in_sentence, judged_on
@@ -55,9 +55,7 @@ MENDS = {
 }
 
 PROPOSED = " The proposed run shows whether one is missing."
-BY_HAND = frozenset(
-    {"proximal_mass", "distal_mass", "mcp_stiffness", "pip_stiffness", "rotor_inertia", *ARMS}
-)
+BY_HAND = frozenset({*SHARES_OF_CONSTANTS, "rotor_inertia", *ARMS})
 """Constants that a scale, a ruler and a weight tell."""
 MEASURED = "Record more runs, or measure by hand what weighs most: {}."
 

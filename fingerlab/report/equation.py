@@ -126,7 +126,7 @@ def _added_symbols(one: ChosenEffect) -> Iterator[str]:
 
 
 def fitted_finger(finger: Finger, found: Mapping[str, ParameterEstimate]) -> Finger:
-    """The finger with the shifts that the fit found: each segment as a whole, each spring."""
+    """The finger with the shifts that the fit found: mass and length of each segment, each spring."""
 
     def shifted(name: str, by: str = "") -> float:
         shift = found.get(by or name)
@@ -138,6 +138,8 @@ def fitted_finger(finger: Finger, found: Mapping[str, ParameterEstimate]) -> Fin
         proximal_inertia=shifted("proximal_inertia", "proximal_mass"),
         distal_mass=shifted("distal_mass"),
         distal_inertia=shifted("distal_inertia", "distal_mass"),
+        proximal_half_length=shifted("proximal_half_length"),
+        distal_half_length=shifted("distal_half_length"),
         mcp_stiffness=shifted("mcp_stiffness"),
         pip_stiffness=shifted("pip_stiffness"),
     )

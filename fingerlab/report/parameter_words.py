@@ -38,6 +38,8 @@ TITLES = {
     "bench_lag_square": ("Second order of the torque's lag", "s^2"),
     "proximal_mass": ("Proximal mass, off by", "%"),
     "distal_mass": ("Distal mass, off by", "%"),
+    "proximal_half_length": ("Proximal length, off by", "%"),
+    "distal_half_length": ("Distal length, off by", "%"),
     "mcp_stiffness": ("MCP stiffness, off by", "%"),
     "pip_stiffness": ("PIP stiffness, off by", "%"),
     "rotor_inertia": ("Motor inertia, off by", "kg m^2"),

@@ -47,7 +47,9 @@ Z90 = 1.6449
 """Standard deviations that half of a 90 % interval spans (normal distribution)."""
 MOST_DRAWN = 2.0
 """Standard deviations beyond which no value is drawn, as for a bench's tolerances."""
-SHARES = ("proximal_mass", "distal_mass", "mcp_stiffness", "pip_stiffness")
+SHARES = (
+    "proximal_mass", "distal_mass", "proximal_half_length", "distal_half_length", "mcp_stiffness", "pip_stiffness",
+)  # fmt: skip
 """Constants of which a model tells by what share they are off."""
 
 

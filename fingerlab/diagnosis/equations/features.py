@@ -187,6 +187,30 @@ def _joint_parts(finger: Finger, motion: Motion) -> list[tuple[Row, str, Array]]
     ]
 
 
+def _length_parts(finger: Finger, motion: Motion) -> list[tuple[Row, str, Array]]:
+    """By how much each joint's LHS changes with a share of each phalanx' length; torques in N m.
+
+    The centre of mass and the tip move with it. All is quadratic in a length, so that the central difference
+    is exact.
+    """
+    _, q = motion.finger_and_joints
+    still = {name: 0.0 for name in ("mcp_stiffness", "pip_stiffness")}
+    contact_mcp, contact_pip = motion.contact_torques
+    levers = {
+        "proximal_half_length": (contact_mcp - contact_pip, np.zeros_like(contact_pip)),
+        "distal_half_length": (contact_pip, contact_pip),
+    }
+    parts: list[tuple[Row, str, Array]] = []
+    for name, contact in levers.items():
+        length = vars(finger)[name]
+        longer, shorter = (_part(finger, **{**still, name: length * k}) for k in (1.5, 0.5))
+        for row, torque, pressed in zip(
+            (Row.MCP, Row.PIP), (nominal.mcp_torque, nominal.pip_torque), contact
+        ):
+            parts.append((row, name, torque(longer, q).total - torque(shorter, q).total + pressed))
+    return parts
+
+
 def base_columns(motion: Motion) -> list[tuple[Feature, Array]]:
     """Features of nominal model and nuisances, shifted motor channels excepted."""
     if motion.finger is None:
@@ -207,6 +231,9 @@ def base_columns(motion: Motion) -> list[tuple[Feature, Array]]:
     columns = [
         (Feature(row, name, constant=1.0, scale="joint"), values)
         for row, name, values in _joint_parts(finger, motion)
+    ]
+    columns += [
+        (Feature(row, name, scale="joint"), values) for row, name, values in _length_parts(finger, motion)
     ]
     contact_mcp, contact_pip = motion.contact_torques
     columns += [

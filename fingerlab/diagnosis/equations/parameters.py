@@ -19,6 +19,7 @@ from fingerlab.core.errors import UserError
 from fingerlab.diagnosis.settings import (
     ARM_RATIO_CURVATURE,
     ARM_RATIO_SPREADS,
+    COASTING_S,
     CURRENT_ZERO_A,
     EARLY_SAMPLES,
     EXACT,
@@ -52,6 +53,10 @@ TIP_LAWS = {"slides": SLIPS, "sticks": (SET_DOWN,)}
 normal one until friction gives way; or stick, and keep what it was set down with."""
 
 
+SHARES_OF_CONSTANTS = (
+    "proximal_mass", "distal_mass", "proximal_half_length", "distal_half_length", "mcp_stiffness", "pip_stiffness",
+)  # fmt: skip
+"""Constants of the rig by whose relative error the unknown of the same name is told."""
 TORQUE_ZERO = "torque_zero"
 """The unknown that a current's zero adds to the motor's torque, N m."""
 
@@ -60,11 +65,12 @@ TORQUE_LAG, TORQUE_LAG_SQUARE = "bench_lag", "bench_lag_square"
 """By how much the torque of a motor alone is logged later than its position, s: a filter of its current, or
 two clocks; below zero of a drive that holds its torque until the next reading of its position. Beside a
 finger both are channels of one card."""
+BENCH_TRACE = "bench_trace"
 BENCH_RANGES = {
     "bench_inertia": Parameter("kg m^2", 0.0, 1e4, 1e-3, open=True),
     "bench_gain": Parameter("1", -100.0, 100.0, 1.0, open=True),
     "bench_offset": Parameter("N m", -10.0, 10.0, 0.1, open=True),
-    "bench_trace": Parameter("N m s/rad", 0.0, 2e-4, 5e-5),
+    BENCH_TRACE: Parameter("N m s/rad", 0.0, 2e-4, 5e-5),
 }
 """Of a motor alone, whose equation is fitted as it comes."""
 
@@ -89,6 +95,8 @@ def nuisance_ranges(rig: Rig, rate: float = math.inf) -> dict[str, Parameter]:
         # Half its square of a pure lag, more of a filter that swings.
         TORQUE_LAG_SQUARE: Parameter("s^2", 0.0, (10.0 * lag) ** 2, 5.0 * lag**2),
     }
+    if rig.motor.inertia is not None:
+        bench[BENCH_TRACE] = _trace_of(rig.motor.inertia)
     if rig.finger is None:
         return bench
     zero = rig.motor.torque_constant * rig.motor.gear_ratio * CURRENT_ZERO_A
@@ -96,16 +104,15 @@ def nuisance_ranges(rig: Rig, rate: float = math.inf) -> dict[str, Parameter]:
         TORQUE_ZERO: Parameter("N m", -2.5 * zero, 2.5 * zero, zero, source="assumed: the current's zero"),
         "load_gain": Parameter("1", -0.05, 0.05, 0.02, source="assumed: a load known to 2 %"),
     }
-    for name in ("proximal_mass", "distal_mass", "mcp_stiffness", "pip_stiffness"):
+    for name in (*SHARES_OF_CONSTANTS, "torque_constant"):
         tolerance = max(rig.tolerance_of(name), EXACT)
-        ranges[name] = Parameter("1", -2.5 * tolerance, 2.5 * tolerance, tolerance, source="rig file")
+        told = "torque_gain" if name == "torque_constant" else name
+        ranges[told] = Parameter("1", -2.5 * tolerance, 2.5 * tolerance, tolerance, source="rig file")
     inertia = rig.motor.inertia
     spread = ROTOR_SPREAD if inertia is None else inertia * rig.tolerance_of("inertia")
     spread = max(spread, EXACT * ROTOR_SPREAD)
     ranges["rotor_inertia"] = Parameter("kg m^2", -2.5 * spread, 2.5 * spread, spread, source="rig file")
-    tolerance_of_torque = max(rig.tolerance_of("torque_constant"), EXACT)
     ranges |= {
-        "torque_gain": Parameter("1", -0.05, 0.05, tolerance_of_torque, source="rig file"),
         "force_gain": Parameter("1", -0.03, 0.03, 0.01, source="FC2231 data sheet: 1 % of span"),
         "loss_mcp": Parameter("N m", -0.05, 0.05, 1e-3, source="assumed: a degree of a joint's zero"),
         "loss_pip": Parameter("N m", -0.05, 0.05, 1e-3, source="assumed: a degree of a joint's zero"),
@@ -140,6 +147,16 @@ def nuisance_ranges(rig: Rig, rate: float = math.inf) -> dict[str, Parameter]:
     return {
         name: replace(pressed.get(name, one), name=name, role=Role.NUISANCE) for name, one in ranges.items()
     }
+
+
+def _trace_of(inertia: float) -> Parameter:
+    """What of viscous friction every rotor has: its size goes by the rotor, not by how hard it was driven.
+
+    Args:
+        inertia: kg m^2, as the rig file tells it.
+    """
+    usual, trace = BENCH_RANGES[BENCH_TRACE], inertia / COASTING_S
+    return replace(usual, high=usual.high / usual.typical * trace, typical=trace)
 
 
 @dataclass(frozen=True)
