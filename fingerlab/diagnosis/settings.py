@@ -73,7 +73,7 @@ ROTOR_SPREAD = 5e-5
 """Of it what every model of a finger takes up unsaid where the rig gives no inertia, one standard deviation,
 kg m^2; assumed: a quarter, so that a rotor which matters is an effect that is missing."""
 COASTING_S = 6.0
-"""A rotor with only a trace of viscous friction coasts this long before a third of its speed is left; assumed:
+"""A rotor with only a trace of viscous friction coasts this long until a third of its speed is left; assumed:
 as the thesis' motor and gearbox, 2.9e-4 kg m^2 with 5e-5 N m s/rad."""
 EXACT = 1e-6
 """Least tolerance that a fit knows: a constant that the rig file gives with none is held to a millionth."""

@@ -48,7 +48,8 @@ Z90 = 1.6449
 MOST_DRAWN = 2.0
 """Standard deviations beyond which no value is drawn, as for a bench's tolerances."""
 SHARES = (
-    "proximal_mass", "distal_mass", "proximal_half_length", "distal_half_length", "mcp_stiffness", "pip_stiffness",
+    "proximal_mass", "distal_mass", "proximal_half_length", "distal_half_length",
+    "mcp_stiffness", "pip_stiffness",
 )  # fmt: skip
 """Constants of which a model tells by what share they are off."""
 

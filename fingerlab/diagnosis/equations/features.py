@@ -194,7 +194,8 @@ def _length_parts(finger: Finger, motion: Motion) -> list[tuple[Row, str, Array]
     is exact.
     """
     _, q = motion.finger_and_joints
-    still = {name: 0.0 for name in ("mcp_stiffness", "pip_stiffness")}
+    still = dict.fromkeys(("mcp_stiffness", "pip_stiffness"), 0.0)
+    joints = ((Row.MCP, nominal.mcp_torque), (Row.PIP, nominal.pip_torque))
     contact_mcp, contact_pip = motion.contact_torques
     levers = {
         "proximal_half_length": (contact_mcp - contact_pip, np.zeros_like(contact_pip)),
@@ -204,10 +205,8 @@ def _length_parts(finger: Finger, motion: Motion) -> list[tuple[Row, str, Array]
     for name, contact in levers.items():
         length = vars(finger)[name]
         longer, shorter = (_part(finger, **{**still, name: length * k}) for k in (1.5, 0.5))
-        for row, torque, pressed in zip(
-            (Row.MCP, Row.PIP), (nominal.mcp_torque, nominal.pip_torque), contact
-        ):
-            parts.append((row, name, torque(longer, q).total - torque(shorter, q).total + pressed))
+        for (row, torque), by_force in zip(joints, contact, strict=True):
+            parts.append((row, name, torque(longer, q).total - torque(shorter, q).total + by_force))
     return parts
 
 

@@ -54,7 +54,8 @@ normal one until friction gives way; or stick, and keep what it was set down wit
 
 
 SHARES_OF_CONSTANTS = (
-    "proximal_mass", "distal_mass", "proximal_half_length", "distal_half_length", "mcp_stiffness", "pip_stiffness",
+    "proximal_mass", "distal_mass", "proximal_half_length", "distal_half_length",
+    "mcp_stiffness", "pip_stiffness",
 )  # fmt: skip
 """Constants of the rig by whose relative error the unknown of the same name is told."""
 TORQUE_ZERO = "torque_zero"

@@ -45,27 +45,35 @@ def forward_selection(
     """The model as given, then with each effect worth adding; all held out, under the last step's weights.
 
     At ``most`` so many are added. Where much is left at the end, one effect may have stood for two: the path
-    then begins with one of the next best instead, if that leads further.
+    then begins with another one instead, if that leads further, or as far with fewer.
 
     Args:
         first: every effect judged beside the model as given, which holds ``keep`` of them.
     """
     found = _forward(scorer, first, effects, keep, watch, most)
-    if most > 1 and len(found) > 1 and lacks_fit(found[-1]):
+    if most == 1 or len(found) == 1:
+        return found
+    # What takes three effects may be two others, of which the first explains less by itself.
+    beyond_a_pair = len(found) > 3 and lacks_fit(found[1])
+    if lacks_fit(found[-1]) or beyond_a_pair:
         ends = [(scorer.deviance(found[-1]), found)]
-        for begin in _runners_up(first, found[1]):
+        for begin in _other_beginnings(scorer, first, found[1]):
             settled = scorer.score_held_out(scorer.fit_reweighted(begin.choices, begin))
             other = _forward(scorer, first, effects, keep, watch, most, settled)
-            if other[-1].misfit < (1.0 - NEXT_SHARE) * found[-1].misfit:
+            explains = other[-1].misfit < (1.0 - NEXT_SHARE) * found[-1].misfit
+            if explains or len(other) < len(found):
                 ends.append((scorer.deviance(other[-1]), other))
         _, found = min(ends, key=lambda end: end[0])
     return found
 
 
-def _runners_up(evidence: Evidence, taken: FittedModel) -> list[FittedModel]:
-    """The candidates that leave least after the one that was taken."""
+def _other_beginnings(scorer: Scorer, evidence: Evidence, taken: FittedModel) -> list[FittedModel]:
+    """The candidates that leave least after the one that was taken; of a motor alone, with few effects, all.
+
+    Viscous friction may explain less than Coulomb's beside a weight that nothing tells yet, and all with it.
+    """
     others = [c for c in evidence.candidates if c.last_effect.id not in taken.effect_ids]
-    return sorted(others, key=lambda c: c.misfit)[:RUNNERS_UP]
+    return sorted(others, key=lambda c: c.misfit)[: None if scorer.reduced.on_bench else RUNNERS_UP]
 
 
 def _forward(

@@ -265,19 +265,30 @@ def _drive_sign(torque: Array, motion: Array) -> float:
     What is left of the torque beside a constant, a spring and inertia must oppose the motion, since
     a machine that only rubs cannot give work back. Where it clearly helps instead, the recording shows the
     reaction, and its sign is turned. Not so where inertia alone tells more than all that is left: a
-    torque that is logged half a sample before its position seems to help the motion a little, too.
+    torque that is logged half a sample before its position seems to help the motion a little, too. No inertia
+    is negative: one that tells more than is left beside friction of either kind turns the sign as well.
 
     Args:
         torque: N m, shape (n,). motion: position, velocity and acceleration, shape (3, n).
     """
-    base = np.stack((np.ones_like(torque), motion[0], motion[2]), axis=1)
+    position, velocity, acceleration = motion
+    base = np.stack((np.ones_like(torque), position, acceleration), axis=1)
     fitted = np.linalg.lstsq(base, torque, rcond=None)[0]
     rest = torque - base @ fitted
-    beside = motion[2] - base[:, :2] @ np.linalg.lstsq(base[:, :2], motion[2], rcond=None)[0]
-    if float(fitted[2]) * float(beside.std()) > float(rest.std()):
+    if float(fitted[2]) * float(_beside(base[:, :2], acceleration).std()) > float(rest.std()):
         return 1.0
-    alike = float(rest @ motion[1]) / max(float(np.linalg.norm(rest) * np.linalg.norm(motion[1])), 1e-300)
+    friction = np.stack((*base[:, :2].T, velocity, np.sign(velocity)), axis=1)
+    moved, pulled = _beside(friction, acceleration), _beside(friction, torque)
+    inertial = float(pulled @ moved) / max(float(moved @ moved), 1e-300) * moved
+    if float(pulled @ moved) < 0.0 and float(inertial.std()) > float((pulled - inertial).std()):
+        return -1.0
+    alike = float(rest @ velocity) / max(float(np.linalg.norm(rest) * np.linalg.norm(velocity)), 1e-300)
     return -1.0 if alike < -CLEARLY_HELPING else 1.0
+
+
+def _beside(columns: Array, values: Array) -> Array:
+    """What of some values the columns, (n, k), do not tell, (n,)."""
+    return np.asarray(values - columns @ np.linalg.lstsq(columns, values, rcond=None)[0])
 
 
 def _force(run: Run, samples: Mapping[str, Array], lead: int, kernels: Array, step: int) -> Array | None:
