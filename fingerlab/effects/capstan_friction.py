@@ -35,6 +35,8 @@ HELD_TRAVELS_DEG = (0.1, 0.2, 0.8)
 """Travel over which a cable that is held in its sheath slides at a tension of REFERENCE_PULL_N, degrees at
 the pulley; assumed: what a stiff cable of 2e-5 m/N stretches under its friction on a pulley of 10 to 15 mm. A
 gearbox, whose friction also grows with the load, winds up by more, and so does a cable in a soft glove."""
+EQUAL_SHARE = 0.9
+"""Of the larger share from which on the other sheath takes about as much; assumed."""
 OTHER_HELD_TRAVELS_DEG = tuple(0.1 * 2.0 ** (k / 2) for k in range(-1, 8))
 """Where they are looked for when a cable that follows the tension was found: from the stiff cable's to eight
 times as far, for a sheath of textile on a soft glove."""
@@ -75,7 +77,22 @@ def _sheath_closer(shape: Shape) -> Sequence[Shape]:
         *every(times("travel_deg", HALF_OCTAVE), behind)(following),
         *every(either(REVERSAL_SPEED, speeds), behind)({"stretch_behind": 1.0, "held": 0.0}),
     ]
-    return [{**{name: shape[name] for name in FOLLOWING if name in shape}, **one} for one in shapes]
+    found = {name: shape[name] for name in FOLLOWING if name in shape}
+    return [{**found, **one} for one in [*shapes, *_equal_sheaths(shape)]]
+
+
+def _equal_sheaths(shape: Shape) -> list[Shape]:
+    """What is held, with both sheaths taking the larger share; none where they nearly do.
+
+    A sheath that takes less slides sooner, and what slides sooner seems to take less: from a travel that was
+    too short a share comes down and stays there.
+    """
+    told = {name: shape[name] for name in SHARES if name in shape}
+    most = max(told.values(), default=0.0)
+    if not shape["held"] or most * EQUAL_SHARE <= min(told.values(), default=0.0):
+        return []
+    equal = {**_sheath(shape["travel_deg"], shape["stretch_behind"], held=1.0), **dict.fromkeys(told, most)}
+    return list(times("travel_deg", OCTAVE[1:-1])(equal))
 
 
 FOLLOWING = {**DRIVE, **SHARES}
