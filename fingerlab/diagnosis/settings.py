@@ -408,7 +408,7 @@ VALUES_OF_A_MOTION = 14.0
 """So many systematic values a run of one motion has in any case: sine and cosine of seven harmonics, as a
 stroke of the thesis' pace has them below the narrow cutoff."""
 OVERFIT_SHARE = 0.001
-"""Share of the explained misfit that every further unknown gains by chance and bias."""
+"""Share of the explained misfit that every further unknown of a run gains by chance and bias."""
 OVERFIT_MOST = 100.0
 """... of a fall of the squared score up to this: what chance gains does not grow with friction of sixty times
 the floor, where a law with one unknown less would be preferred although it leaves four floors more."""
@@ -453,6 +453,9 @@ something small is missing everywhere. With 0.02 the mean log loss of the true e
 the twin, 0.60 on the second engine's and 0.65 on benches of a tester's; with this 0.19, 0.52 and 0.52."""
 COST_OF_A_GAIN = 0.5
 """Log odds that a further unknown must overcome."""
+UNLIKE_SHEATHS = 1.5
+"""How far the shares that two cables' sheaths take lie apart, one standard deviation of the logarithm of
+their ratio; assumed: a cable in the palm may run nearly straight, with a ninth of the other one's bends."""
 LEAST_EXCESS = 0.2
 """Share of a friction by which that at low speed is usually larger at least where one speaks of Stribeck's;
 assumed. The unevenness of a simple law of friction is taken up by a smaller one."""

@@ -11,6 +11,7 @@ unknown size: the odds go by how many times as much one leaves as another.
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
@@ -36,13 +37,14 @@ from fingerlab.diagnosis.settings import (
     STRENGTH_POINTS,
     STRONGEST,
     SYSTEMATIC_VALUES,
+    UNLIKE_SHEATHS,
     USUAL_FREEDOM,
     USUAL_LEFT,
     USUAL_POINTS,
     WEAKEST,
 )
 from fingerlab.effects.base import Row
-from fingerlab.sessions.model import Array, BoolArray
+from fingerlab.sessions.model import CABLE_SIGN, Array, BoolArray
 
 
 def justified(base: FittedModel, fitted: FittedModel, level: float = 0.0, reach: float = 0.0) -> bool:
@@ -92,6 +94,13 @@ def count_unknowns(fitted: FittedModel) -> int:
     return gains + len(effect.relaxes) + bool(effect.law_at(shape))
 
 
+def count_unknowns_of_a_run(fitted: FittedModel) -> int:
+    """Those of them that one run sees: of the gains that each cable has for itself, one cable's."""
+    gains = fitted.last_effect.gains
+    cables = Counter(gains[name].cable for name in fitted.model.last_gains if gains[name].cable)
+    return count_unknowns(fitted) - cables.total() + max(cables.values(), default=0)
+
+
 def cost_of_choice(fitted: FittedModel) -> float:
     """Log odds that the model's last effect must overcome for being more flexible than effects usually are.
 
@@ -105,7 +114,7 @@ def cost_of_choice(fitted: FittedModel) -> float:
 def complexity_penalty(base: FittedModel, fitted: FittedModel) -> float:
     """What is added to a model's misfit for the unknowns that its last effect brings."""
     fall = max(max(base.misfit, 0.0) - fitted.misfit, 0.0)
-    earned = OVERFIT_SHARE * count_unknowns(fitted) * min(fall, OVERFIT_MOST * base.count)
+    earned = OVERFIT_SHARE * count_unknowns_of_a_run(fitted) * min(fall, OVERFIT_MOST * base.count)
     return earned + max(fitted.widening - base.widening, 0.0)
 
 
@@ -150,7 +159,7 @@ def log_odds_among(base: FittedModel, candidates: Sequence[FittedModel]) -> Arra
     log = log_odds_of_misfits(left)
     log -= COST_OF_A_GAIN * np.array([count_unknowns(t) for t in candidates])
     log -= 0.5 * np.array([t.prior_penalty for t in candidates])
-    log -= np.array([penalty_of_small_excess(t) for t in candidates])
+    log -= np.array([penalty_of_small_excess(t) + penalty_of_unlike_cables(t) for t in candidates])
     log[idle(base, candidates)] -= 2.0 * DECIDING_LOG_ODDS
     log += paired_log_odds(candidates)
     return np.asarray(log - log.max())
@@ -198,6 +207,20 @@ def penalty_of_small_excess(fitted: FittedModel, zero_spread: float | None = Non
         return min(-_log_beyond(LEAST_EXCESS * under, extra, spread), 2.0 * DECIDING_LOG_ODDS)
     short = np.log(LEAST_EXCESS * under / max(extra, 1e-300)) if under > 0 else 0.0
     return float(min(0.5 * (max(short, 0.0) / EXCESS_SPREAD) ** 2, 2.0 * DECIDING_LOG_ODDS))
+
+
+def penalty_of_unlike_cables(fitted: FittedModel) -> float:
+    """Log odds against a last effect that has each cable take another share, the smaller of one the larger.
+
+    Sheaths are alike within a factor; one that takes nothing beside one that takes a tenth is no sheath.
+    """
+    effect, index = fitted.last_effect, fitted.model.index
+    keys = [f"{effect.id}.{name}" for name, gain in effect.gains.items() if gain.cable in CABLE_SIGN]
+    shares = [abs(float(fitted.fit.values[index[key]])) for key in keys if key in index]
+    if len(shares) < 2 or max(shares) <= 0.0:
+        return 0.0
+    ratio = np.log(max(shares) / max(min(shares), 1e-300))
+    return float(min(0.5 * (ratio / UNLIKE_SHEATHS) ** 2, 2.0 * DECIDING_LOG_ODDS))
 
 
 def _log_beyond(least: float, value: float, spread: float) -> float:
