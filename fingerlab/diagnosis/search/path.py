@@ -102,7 +102,7 @@ def _forward(
         best = begin if begin is not None and len(steps) == 1 else evidence.best
         if not justified(evidence.base, best):
             break
-        helps = worth_adding(scorer, steps[sound - 1], best)
+        helps = worth_adding(scorer, steps[sound - 1], best) or _tells_what_is_missed(steps[sound - 1], best)
         if not (helps or lacks_fit(best)):
             break
         chosen = eliminate_backward(scorer, best, keep)
@@ -160,6 +160,16 @@ def worth_adding(scorer: Scorer, base: FittedModel, best: FittedModel) -> bool:
     if not base.choices:
         reach = scorer.score_held_out(scorer.fit_from_each((), [base, best], best.weights)).misfit
     return justified(before, best, gained, reach)
+
+
+def _tells_what_is_missed(base: FittedModel, best: FittedModel) -> bool:
+    """Whether one effect more tells most of what a model lacks for certain, and leaves no such lack.
+
+    Where no motion comes again, each model calls what it leaves its noise, and under its own weights none
+    leaves much. That something is missing is then known all the same, by the weights of the other.
+    """
+    most = best.misfit < (1.0 - NEXT_SHARE) * base.misfit
+    return lacks_fit(base) and not lacks_fit(best) and most
 
 
 def with_own_weights(scorer: Scorer, fitted: FittedModel) -> FittedModel:

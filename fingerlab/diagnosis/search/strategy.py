@@ -149,6 +149,8 @@ class FirstStep:
 
         Of others that may go by them, too, the grids say little.
         """
+        if len(self.path) != 2:
+            return frozenset()  # no step was borne out by itself; one may be by those that follow
         found, on_grid = self.end.choices[-1], self.path[-1].choices[-1]
         return found.effect.law_at(found.shape) - on_grid.effect.law_at(on_grid.shape)
 
