@@ -188,25 +188,20 @@ def _joint_parts(finger: Finger, motion: Motion) -> list[tuple[Row, str, Array]]
 
 
 def _length_parts(finger: Finger, motion: Motion) -> list[tuple[Row, str, Array]]:
-    """By how much each joint's LHS changes with a share of each phalanx' length; torques in N m.
+    """By how much weight and inertia change with a share of each phalanx' length, in each joint; N m.
 
-    The centre of mass and the tip move with it. All is quadratic in a length, so that the central difference
-    is exact.
+    All is quadratic in a length, so that the central difference is exact. The levers of the contact force
+    stay as they are told: what another length does to them, the force along the face does as well, and an
+    effect that leans the force could not be told from it.
     """
     _, q = motion.finger_and_joints
     still = dict.fromkeys(("mcp_stiffness", "pip_stiffness"), 0.0)
     joints = ((Row.MCP, nominal.mcp_torque), (Row.PIP, nominal.pip_torque))
-    contact_mcp, contact_pip = motion.contact_torques
-    levers = {
-        "proximal_half_length": (contact_mcp - contact_pip, np.zeros_like(contact_pip)),
-        "distal_half_length": (contact_pip, contact_pip),
-    }
     parts: list[tuple[Row, str, Array]] = []
-    for name, contact in levers.items():
+    for name in ("proximal_half_length", "distal_half_length"):
         length = vars(finger)[name]
         longer, shorter = (_part(finger, **{**still, name: length * k}) for k in (1.5, 0.5))
-        for (row, torque), by_force in zip(joints, contact, strict=True):
-            parts.append((row, name, torque(longer, q).total - torque(shorter, q).total + by_force))
+        parts += [(row, name, torque(longer, q).total - torque(shorter, q).total) for row, torque in joints]
     return parts
 
 
