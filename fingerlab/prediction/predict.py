@@ -24,7 +24,7 @@ from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.search.grid_refinement import fit_refined
 from fingerlab.diagnosis.settings import FULL_ITERATIONS, NARROW_RATE_HZ
-from fingerlab.diagnosis.signals.conditions import GroupKey, folds_of_runs, group_key, runs_to_analyse
+from fingerlab.diagnosis.signals.conditions import GroupKey, folds_of_runs, group_key
 from fingerlab.effects import effect
 from fingerlab.models.file import hash_sessions
 from fingerlab.prediction.error_band import (
@@ -39,7 +39,7 @@ from fingerlab.prediction.error_band import (
 from fingerlab.prediction.extended import EQUATIONS, ChosenEffect, Equation, ExtendedModel, HeldOut, Variant
 from fingerlab.prediction.force import contact_stretches, solved_forces
 from fingerlab.sessions import content_hash
-from fingerlab.sessions.model import Array, Session
+from fingerlab.sessions.model import Array, Run, Session
 from fingerlab.thesis.onair import Spread
 from fingerlab.thesis.prediction import SWEEP_DEG, AngleStep
 from fingerlab.thesis.traces import coefficient_of_determination
@@ -338,7 +338,7 @@ def _fit(
         hashes = hash_sessions(sessions)
         names = [h.sha256 for h in hashes]
         by_session = {s.path: sha256 for s, sha256 in zip(sessions, names, strict=True)}
-        folds = _contact_folds(scorer, reduction.sessions, by_session)
+        folds = _contact_folds(scorer, reduction.pairs, by_session)
         done: list[Variant] = []
         for number, fitted in enumerate([nominal, *(t for t in models if t.choices)]):
             tell(0.7 + 0.3 * number / (len(models) + 1), "calibrating the interval")
@@ -367,10 +367,11 @@ class _LeftOut:
     runs: tuple[tuple[str, str], ...]
 
 
-def _contact_folds(scorer: Scorer, sessions: Sequence[Session], hashes: Mapping[Path, str]) -> list[_LeftOut]:
+def _contact_folds(
+    scorer: Scorer, pairs: Sequence[tuple[Session, Run]], hashes: Mapping[Path, str]
+) -> list[_LeftOut]:
     """Contact runs as :func:`folds_of_runs` dealt them to folds; none of a group with a single fold."""
     names = {g.key: [f.runs for f in g.folds] for g in scorer.reduced.groups}
-    pairs = runs_to_analyse(sessions)[0]
     dealt: dict[tuple[GroupKey, int], list[tuple[str, str]]] = {}
     for (session, run), k in zip(pairs, folds_of_runs([run for _, run in pairs])[1], strict=True):
         key = group_key(run)

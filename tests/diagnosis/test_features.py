@@ -74,6 +74,43 @@ def test_nuisances_move_within_two_and_a_half_tolerances() -> None:
     assert all(g.low < g.high and g.typical > 0 and g.unit for g in ranges.values())
 
 
+def test_a_rotors_trace_of_friction_goes_by_the_rotor() -> None:
+    """As the thesis' motor coasts, 2.9e-4 kg m^2 with 5e-5 N m s/rad; the torque constant by its tolerance."""
+    rig = replace(
+        made.RIG, motor=replace(made.RIG.motor, inertia=5.8e-3), tolerance={"torque_constant": 0.04}
+    )
+    ranges = nuisance_ranges(rig)
+    assert ranges["bench_trace"].typical == pytest.approx(1e-3, rel=0.05)
+    assert ranges["torque_gain"].high == pytest.approx(0.1)
+    untold = replace(rig, motor=replace(rig.motor, inertia=None), finger=None)
+    assert nuisance_ranges(untold)["bench_trace"].typical == 5e-5
+
+
+@pytest.mark.parametrize("mcp", [0.0, 0.7])
+def test_what_a_length_does_to_the_weight_of_a_finger_at_rest(mcp: float) -> None:
+    """Both masses hang on the proximal phalanx' length; no lever of the contact force is among it."""
+    motion = moving(force=2.0)
+    still = np.zeros(len(motion.time))
+    motion = replace(motion, joints=JointMotion(still + mcp, still + 0.4, still, still, still, still))
+    found = {
+        (f.row, f.parameter): v
+        for f, v in base_columns(motion)
+        if (f.parameter or "").endswith("half_length")
+    }
+    f, g = FINGER, FINGER.gravity
+    near = -g * (f.proximal_mass + 2.0 * f.distal_mass) * f.proximal_half_length * np.cos(f.wrist_angle - mcp)
+    far = -g * f.distal_mass * f.distal_half_length * np.cos(mcp + 0.4 - f.wrist_angle)
+    expected = {
+        (Row.MCP, "proximal_half_length"): near,
+        (Row.MCP, "distal_half_length"): far,
+        (Row.PIP, "proximal_half_length"): 0.0,
+        (Row.PIP, "distal_half_length"): far,
+    }
+    assert found.keys() == expected.keys()
+    for key, value in expected.items():
+        assert found[key] == pytest.approx(value, abs=1e-12)
+
+
 @pytest.fixture(scope="module")
 def quiet() -> Reduced:
     """A bench without noise whose constants are the rig file's."""

@@ -67,6 +67,19 @@ def test_a_run_that_is_all_gaps_is_refused_in_a_sentence(shared_data: Path) -> N
         diagnose([lossy(session, holes, 0.05)], with_curves=False)
 
 
+def test_runs_that_are_all_gaps_are_left_aside_and_told_beside_whole_ones(shared_data: Path) -> None:
+    """One on air and one in contact; the session was once refused for them."""
+    session = open_session(shared_data / "bench-coulomb.h5")
+    last = max(k for k, run in enumerate(session.runs) if run.phase == "contact")
+    holes = tuple(float(t) for t in range(1, 20))
+    runs = [with_gaps(run, holes, 0.05) if k in (0, last) else run for k, run in enumerate(session.runs)]
+    answer = diagnose([replace(session, runs=tuple(runs))], with_curves=False)
+    assert answer.final_model == ("coulomb_friction",)
+    (found,) = [one for one in answer.bench if one.kind == "lost_samples" and one.unit == "runs"]
+    assert found.runs == (session.runs[0].name, session.runs[last].name)
+    assert found.sentence.endswith("have gaps that leave no stretch long enough; they are left aside")
+
+
 def test_the_thesis_analysis_takes_the_longest_whole_piece(shared_data: Path) -> None:
     """Its periods are as long as ever, and lie where nothing is lost: the same mean tension in a period."""
     session = open_session(shared_data / "bench-plain.h5")

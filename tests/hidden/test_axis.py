@@ -23,6 +23,7 @@ from tests.hidden.axis.makers import MAKERS, imported
 from tests.hidden.axis.plant import Axis, drawn, session
 from tests.hidden.axis.regression import CUTOFF_HZ, baselines
 
+UNKNOWN_MOTOR = Rig(None, Motor(torque_constant=1.0, gear_ratio=1.0, pulley_radius=None, inertia=None))
 LIKE_COULOMB = {"motor_coulomb_friction", "motor_presliding"}
 """Friction that flips with the direction of travel; they differ in the first degree of a stroke alone."""
 
@@ -202,14 +203,66 @@ def sticking(stroke_s: float, seed: int) -> Run:
 
 def test_friction_that_sticks_at_every_turn_is_named_with_what_is_beside_it(tmp_path: Path) -> None:
     """A law of travel says nothing of a torque that goes over while nothing moves; it bent the inertia."""
-    rig = Rig(None, Motor(torque_constant=1.0, gear_ratio=1.0, pulley_radius=None, inertia=None))
     runs = tuple(sticking(stroke, k) for k, stroke in enumerate((0.45, 0.6, 0.8), start=1))
-    result = verdict_on(Session(tmp_path / "sticks.h5", "", "", rig, runs, {}))
+    result = verdict_on(Session(tmp_path / "sticks.h5", "", "", UNKNOWN_MOTOR, runs, {}))
     assert set(result.final_model) == {"motor_coulomb_friction", "motor_viscous_friction"}
     found = result.final_parameters
     assert found["bench_inertia"].value == pytest.approx(0.02, rel=0.03)
     assert found["motor_coulomb_friction.coulomb"].value == pytest.approx(0.3, rel=0.03)
     assert found["motor_viscous_friction.viscous"].value == pytest.approx(0.05, rel=0.1)
+
+
+def damped(seconds: float, damping: float, seed: int) -> Run:
+    """A hanging link of 1.2 kg m^2 and 27 N m under a loop with a limit of 40 N m, read at 50 Hz; nothing dry.
+
+    Trapezoids of 0.17 Hz; the drive runs into its limit in every stroke. 0.5 N m of noise.
+    """
+    step, every = 1e-3, 20
+    q = w = torque = 0.0
+    read: list[tuple[float, float]] = []
+    for k in range(int(seconds / step)):
+        if k % every == 0:
+            read.append((q, torque))
+        wave = np.sin(2.0 * np.pi * 0.17 * k * step)
+        torque = float(np.clip(820.0 * (0.52 * np.clip(3.0 * wave, -1.0, 1.0) - q), -40.0, 40.0))
+        # Implicit in the speed, for damping over inertia is fast.
+        w = (w + step * (torque - 27.0 * np.sin(q)) / 1.2) / (1.0 + step * damping / 1.2)
+        q += step * w
+    position, drive = np.array(read).T
+    noise = 0.5 * np.random.default_rng(seed).standard_normal(len(drive))
+    channels = {
+        "motor_position": position,
+        "motor_torque": drive + noise,
+        "time": np.arange(len(drive)) / 50.0,
+    }
+    return Run.from_arrays(channels, name="001", phase="motor_bench", cable="none", sample_rate_hz=50.0)
+
+
+@pytest.mark.parametrize(("seconds", "damping"), [(16.0, 100.0), (16.0, 30.0)])
+def test_viscous_friction_is_found_though_coulombs_alone_tells_more(seconds: float, damping: float) -> None:
+    """Beside a weight that nothing tells yet a clipped torque looks dry; the path took three effects then."""
+    machine = Session(Path("damped.h5"), "", "", UNKNOWN_MOTOR, (damped(seconds, damping, 1),), {})
+    result = verdict_on(machine)
+    assert result.path[1].added == "motor_viscous_friction"
+    assert len(result.final_model) == 2
+    assert set(result.final_model) - {"motor_viscous_friction"} <= {"torque_ripple", "motor_spring"}
+    assert result.candidates[0].effect == "motor_viscous_friction"
+    found = result.final_parameters["motor_viscous_friction.viscous"]
+    assert found.value == pytest.approx(damping, rel=0.05)
+
+
+def test_a_torque_with_the_other_sign_is_turned_where_there_is_no_friction() -> None:
+    """No inertia is negative: a rotor of 0.02 kg m^2 that hardly rubs once was "not in the catalogue"."""
+    time = np.arange(0.0, 8.0, 2e-3)
+    position = np.sin(2.0 * np.pi * 0.7 * time) + 0.4 * np.sin(2.0 * np.pi * 1.6 * time)
+    acceleration = -((2.0 * np.pi * 0.7) ** 2) * np.sin(2.0 * np.pi * 0.7 * time)
+    acceleration -= 0.4 * (2.0 * np.pi * 1.6) ** 2 * np.sin(2.0 * np.pi * 1.6 * time)
+    noise = 0.02 * np.random.default_rng(3).standard_normal(len(time))
+    channels = {"motor_position": position, "motor_torque": -0.02 * acceleration + noise, "time": time}
+    run = Run.from_arrays(channels, name="001", phase="motor_bench", cable="none", sample_rate_hz=500.0)
+    result = verdict_on(Session(Path("turned.h5"), "", "", UNKNOWN_MOTOR, (run,), {}))
+    assert result.verdict == "nothing_missing"
+    assert result.parameters["bench_inertia"].value == pytest.approx(0.02, rel=0.02)
 
 
 def test_a_rotor_alone_lacks_nothing() -> None:

@@ -47,6 +47,7 @@ def bench_findings(
     """
     return (
         *_channels(reduction),
+        *_broken(reduction),
         *_moved(reduction, offsets),
         *_skew(reduction, last),
         *_spikes(reduction),
@@ -69,6 +70,20 @@ def _channels(reduction: Reduction) -> list[BenchFinding]:
         advice = "look at its cable, and record again"
         result.append(BenchFinding("missing_channel", channel, float(len(runs)), "runs", runs, said, advice))
     return result
+
+
+def _broken(reduction: Reduction) -> list[BenchFinding]:
+    """Runs that are left aside because of their gaps."""
+    runs = tuple(reduction.broken_runs)
+    if not runs:
+        return []
+    them = "it is" if len(runs) == 1 else "they are"
+    said = (
+        f"{_count(len(runs), 'run')} ({', '.join(runs[:5])}{', ...' if len(runs) > 5 else ''}) "
+        f"{'has' if len(runs) == 1 else 'have'} gaps that leave no stretch long enough; {them} left aside"
+    )
+    advice = "find out what loses samples, and record again"
+    return [BenchFinding("lost_samples", "time", float(len(runs)), "runs", runs, said, advice)]
 
 
 def _skew(reduction: Reduction, last: FittedModel) -> list[BenchFinding]:

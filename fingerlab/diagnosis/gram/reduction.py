@@ -51,7 +51,7 @@ from fingerlab.diagnosis.signals.conditions import (
 )
 from fingerlab.diagnosis.signals.filters import Repair
 from fingerlab.diagnosis.signals.scales import Scales, as_recorded, find_scales, reduced_sessions
-from fingerlab.diagnosis.signals.segments import ChannelSigns, check_senses, segments_of
+from fingerlab.diagnosis.signals.segments import ChannelSigns, check_senses, is_broken, segments_of
 from fingerlab.effects.base import Effect, Shape
 from fingerlab.physics.motion import Motion, strongest_lines
 from fingerlab.rig.file import UNCHANGED, Intervention, Rig, intervention_of
@@ -112,8 +112,24 @@ class Reduction:
         return with_interventions(reduced_sessions(self._given, self.scales))
 
     @cached_property
-    def _pairs(self) -> list[tuple[Session, Run]]:
-        return runs_to_analyse(self.sessions)[0]
+    def _divided(self) -> tuple[list[tuple[Session, Run]], list[Run]]:
+        """Runs to analyse with their sessions; and those of which gaps leave nothing, beside whole ones."""
+        every = runs_to_analyse(self.sessions)[0]
+        broken = {id(run) for _, run in every if is_broken(run)}
+        kinds = {group_key(run) for _, run in every if id(run) not in broken}
+        spared = [run for _, run in every if id(run) in broken and group_key(run) in kinds]
+        left_aside = {id(run) for run in spared}
+        return [(s, run) for s, run in every if id(run) not in left_aside], spared
+
+    @property
+    def pairs(self) -> list[tuple[Session, Run]]:
+        """The runs that are analysed, in reduced units, each with its session."""
+        return self._divided[0]
+
+    @property
+    def broken_runs(self) -> list[str]:
+        """Names of the runs that are left aside because gaps leave no stretch of them that is long enough."""
+        return [run.name for run in self._divided[1]]
 
     def restart(self, fixed: Mapping[str, float] | None = None) -> None:
         """Begin a call that asks for nothing that another left: no constants but those of the bare model."""
@@ -158,7 +174,7 @@ class Reduction:
 
     def _looked_at(self) -> list[Motion]:
         """The first stretch of some runs, evenly among all."""
-        runs = self._pairs[:: -(-len(self._pairs) // MOST_LOOKED_AT)]
+        runs = self.pairs[:: -(-len(self.pairs) // MOST_LOOKED_AT)]
         return [next(segments_of(run, session.rig)) for session, run in runs]
 
     def examples(self) -> list[Motion]:
@@ -167,7 +183,7 @@ class Reduction:
         Raises:
             UserError: a run cannot be read.
         """
-        kinds = {(run.phase, run.cable): (session, run) for session, run in reversed(self._pairs)}
+        kinds = {(run.phase, run.cable): (session, run) for session, run in reversed(self.pairs)}
         return [next(segments_of(run, session.rig)) for session, run in reversed(kinds.values())]
 
     @cached_property
@@ -197,23 +213,23 @@ class Reduction:
     @property
     def analysed(self) -> list[Run]:
         """The runs that are analysed, in reduced units."""
-        return [run for _, run in self._pairs]
+        return [run for _, run in self.pairs]
 
     @property
     def runs(self) -> list[tuple[str, str]]:
         """Session and name of each run that is analysed."""
-        return [(str(session.path), run.name) for session, run in self._pairs]
+        return [(str(session.path), run.name) for session, run in self.pairs]
 
     @property
     def changes(self) -> list[Intervention]:
         """The known change of the machine in every run, SI."""
-        each = (as_recorded(run) for _, run in self._pairs)
+        each = (as_recorded(run) for _, run in self.pairs)
         return [intervention_of(run.attributes, run.name) or UNCHANGED for run in each]
 
     @property
     def motions(self) -> list[int | None]:
         """For each run a number that runs told just the same motion share; None: nothing tells it."""
-        return repeated_motions([run for _, run in self._pairs])
+        return repeated_motions([run for _, run in self.pairs])
 
     def begin(self, catalogue: Sequence[Effect], watch: Watch = SILENT, read: bool = False) -> None:
         """Make sure that the first pass is over this catalogue; one over another one is forgotten.
@@ -311,8 +327,8 @@ class Reduction:
 
     def _acting(self, effects: Sequence[Effect]) -> list[Effect]:
         """Those that can act in these runs."""
-        phases = {run.phase for _, run in self._pairs}
-        cables = {run.cable for _, run in self._pairs}
+        phases = {run.phase for _, run in self.pairs}
+        cables = {run.cable for _, run in self.pairs}
         return [
             e
             for e in effects
@@ -323,11 +339,11 @@ class Reduction:
 
     def _layouts(self, effects: Sequence[Effect]) -> dict[bool, Layout]:
         """The features of the finger's runs and of those of the motor alone (True), of what there is."""
-        kinds = [run.phase == "motor_bench" for _, run in self._pairs]
+        kinds = [run.phase == "motor_bench" for _, run in self.pairs]
         layouts = {}
         for on_bench in sorted(set(kinds)):
             number = kinds.index(on_bench)
-            session, run = self._pairs[number]
+            session, run = self.pairs[number]
             known = next(self._cache.segments(number), None)
             motion = known.motion if known is not None else next(segments_of(run, session.rig))
             beside = len(set(kinds)) == 2
@@ -344,7 +360,7 @@ class Reduction:
         anew: bool,
         by_state: bool = False,
     ) -> Reduced:
-        pairs, runs = self._pairs, [run for _, run in self._pairs]
+        pairs, runs = self.pairs, [run for _, run in self.pairs]
         seek_cycle = all(commanded_frequency(run) is None for run in runs)
         asked, start = {}, 0
         for on_bench, layout in layouts.items():
@@ -399,7 +415,7 @@ class Reduction:
             for number in numbers:
                 count, own = len(seen), SegmentCache()
                 shown = partial(in_place, keep, asked[number].start, size)
-                run_sums(number, *self._pairs[number], effects, asked[number], shown, own)
+                run_sums(number, *self.pairs[number], effects, asked[number], shown, own)
                 del seen[count + 1 :]
             found = pair_sums(numbers, group_key(runs[numbers[0]]), *seen)
             if found is not None:

@@ -96,6 +96,19 @@ def segments_of(run: Run, rig: Rig) -> Iterator[Motion]:
         )
 
 
+def is_broken(run: Run) -> bool:
+    """Whether gaps leave no stretch of a run, in reduced units, that is long enough for its filters."""
+    time, rate = run.channel("time"), run.sample_rate_hz
+    if is_too_short(run) or len(whole_pieces(time, rate)) == 1:
+        return False
+    first, length = int(settling_s(run) * rate), int(LONGEST_STRETCH_S * rate)
+    lead = first - first % derivative_kernels(rate)[1]
+    ends = [(start, min(start + length, run.length)) for start in range(first, run.length, length)]
+    times = [time[start - lead : end] for start, end in ends if end - start >= SHORTEST_STRETCH_S * rate]
+    bridges = (bridged({"time": one}, rate)[0]["time"] for one in times)
+    return not any(True for one in bridges for _ in _whole(one, rate, lead))
+
+
 def is_too_short(run: Run) -> bool:
     """Whether too little is left of a run, in reduced units, once it has settled."""
     return run.length - int(settling_s(run) * run.sample_rate_hz) < SHORTEST_STRETCH_S * run.sample_rate_hz
