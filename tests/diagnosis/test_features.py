@@ -75,7 +75,7 @@ def test_nuisances_move_within_two_and_a_half_tolerances() -> None:
 
 
 def test_a_rotors_trace_of_friction_goes_by_the_rotor() -> None:
-    """As the thesis' motor coasts, 2.9e-4 kg m^2 with 5e-5 N m s/rad; the torque constant by its tolerance."""
+    """As the thesis' motor coasts, 2.9e-4 kg m^2 with 5e-5 N m s/rad; torque constants by tolerance."""
     rig = replace(
         made.RIG, motor=replace(made.RIG.motor, inertia=5.8e-3), tolerance={"torque_constant": 0.04}
     )

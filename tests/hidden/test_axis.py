@@ -213,7 +213,7 @@ def test_friction_that_sticks_at_every_turn_is_named_with_what_is_beside_it(tmp_
 
 
 def damped(seconds: float, damping: float, seed: int) -> Run:
-    """A hanging link of 1.2 kg m^2 and 27 N m under a loop with a limit of 40 N m, read at 50 Hz; nothing dry.
+    """A hanging link of 1.2 kg m^2 and 27 N m under a loop of at most 40 N m, read at 50 Hz; nothing is dry.
 
     Trapezoids of 0.17 Hz; the drive runs into its limit in every stroke. 0.5 N m of noise.
     """

@@ -6,6 +6,7 @@ Only the commands and the files between them are used, as a stranger would.
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -41,6 +42,20 @@ def test_sealed_session_is_diagnosed_before_it_is_opened(seed: int, holds_one: b
         assert len(answer["set"]) <= 3
     else:
         assert answer["verdict"] == "nothing_missing"
+
+
+def test_both_sheaths_take_what_was_put_in(tmp_path: Path) -> None:
+    """The same wrap for either cable. From a travel that was too short the palmar share came down to 0.14.
+
+    What slides sooner seems to take less, and what takes less slides sooner.
+    """
+    path, wrap = tmp_path / "sheath.h5", 0.2527
+    effect = f"capstan_friction={wrap}"
+    run("simulate", "--protocol", "thesis", "--effect", effect, "--seed", "3", "--out", path)
+    answer = diagnose([open_session(path)], ["capstan_friction"], with_curves=False)
+    for cable in ("extension", "flexion"):
+        found = answer.parameters[f"capstan_friction.{cable}"].value
+        assert found == pytest.approx(1.0 - math.exp(-wrap), rel=0.15)
 
 
 @pytest.mark.parametrize(
