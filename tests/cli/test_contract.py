@@ -211,6 +211,7 @@ def test_what_a_run_lost_is_told_of_that_run(dirty: dict[str, Any]) -> None:
         ("held", "motor_position", "gaps"),
         ("uneven_times", "time", "gaps"),
         ("skew", "mcp_angle", "skew"),
+        ("turned", "motor_torque", "sense"),
         ("missing_channel", "pip_angle", "dead_channel"),
     ],
 )

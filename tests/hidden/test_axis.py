@@ -263,6 +263,9 @@ def test_a_torque_with_the_other_sign_is_turned_where_there_is_no_friction() -> 
     result = verdict_on(Session(Path("turned.h5"), "", "", UNKNOWN_MOTOR, (run,), {}))
     assert result.verdict == "nothing_missing"
     assert result.parameters["bench_inertia"].value == pytest.approx(0.02, rel=0.02)
+    assert [(one.kind, one.channel, one.runs) for one in result.bench] == [
+        ("turned", "motor_torque", ("001",))
+    ]
 
 
 def test_a_rotor_alone_lacks_nothing() -> None:

@@ -28,6 +28,7 @@ from fingerlab.diagnosis.signals.filters import (
     CUT_OUT,
     REPEATED,
     SPIKE,
+    TURNED,
     UNEVEN,
     Repair,
     without_spikes,
@@ -48,6 +49,7 @@ def bench_findings(
     return (
         *_channels(reduction),
         *_broken(reduction),
+        *_turned(reduction),
         *_moved(reduction, offsets),
         *_skew(reduction, last),
         *_spikes(reduction),
@@ -84,6 +86,19 @@ def _broken(reduction: Reduction) -> list[BenchFinding]:
     )
     advice = "find out what loses samples, and record again"
     return [BenchFinding("lost_samples", "time", float(len(runs)), "runs", runs, said, advice)]
+
+
+def _turned(reduction: Reduction) -> list[BenchFinding]:
+    """Torques of a motor alone that helped its friction, or told a negative inertia, as they were logged."""
+    runs, names, _ = _put_right(reduction, (TURNED, "motor_torque"))
+    if not runs:
+        return []
+    said = (
+        f"Channel 'motor_torque' counts against the position in {_count(len(runs), 'run')} "
+        f"({', '.join(names[:5])}{', ...' if len(names) > 5 else ''}); its sign is turned"
+    )
+    advice = "write what drives the axis towards larger positions as positive"
+    return [BenchFinding("turned", "motor_torque", float(len(runs)), "runs", names, said, advice)]
 
 
 def _skew(reduction: Reduction, last: FittedModel) -> list[BenchFinding]:

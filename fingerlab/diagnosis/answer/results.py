@@ -131,6 +131,7 @@ FINDINGS = {
     "held": "gaps",
     "uneven_times": "gaps",
     "skew": "skew",
+    "turned": "sense",
     "missing_channel": "dead_channel",
 }
 """Kinds of findings, and what ``diagnose --json`` calls them; the motor torque's zero is the amplifier's."""
@@ -141,7 +142,8 @@ class BenchFinding:
     """What the recordings say of the bench itself, which is no matter of physics.
 
     Attributes:
-        kind: "moving_zero", "spikes", "lost_samples", "uneven_times", "held", "skew", "missing_channel".
+        kind: "moving_zero", "spikes", "lost_samples", "uneven_times", "held", "skew", "turned",
+            "missing_channel".
         channel: that it is about. size: how much of it, in ``unit``. runs: that show it.
         sentence: what was found. advice: what to do about it; both without a full stop.
     """

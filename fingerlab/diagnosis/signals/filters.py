@@ -48,8 +48,9 @@ from fingerlab.sessions.model import Array
 
 Repair = tuple[str, str]
 """What was put right, and the channel: samples are counted by both."""
-SPIKE, REPEATED = "spike", "held"
-"""Of a channel: single samples that are no measurements, and those that only repeat the last reading."""
+SPIKE, REPEATED, TURNED = "spike", "held", "turned"
+"""Of a channel: single samples that are no measurements, those that only repeat the last reading, and those
+whose sign is turned."""
 BRIDGED, CUT_OUT, UNEVEN = ("bridged", "time"), ("cut out", "time"), ("uneven", "time")
 """Of the time: samples that were lost and bridged, those of gaps too long for that, between which a run is
 analysed piece by piece, and those that came early or late, where all are taken at their times."""

@@ -36,6 +36,7 @@ from fingerlab.diagnosis.signals.conditions import BENCH_CHANNELS, CHANGE, FINGE
 from fingerlab.diagnosis.signals.filters import (
     REPEATED,
     SPIKE,
+    TURNED,
     at_even_times,
     at_wide_rate,
     between_readings,
@@ -168,7 +169,11 @@ def _without_gaps(run: Run, rig: Rig, start: int, stop: int, on_bench: bool, lea
         later = float(mine["time"][0] - samples["time"][0]) - piece.start / run.sample_rate_hz
         later = later if piece.start else 0.0
         yield replace(
-            motion, repairs=repairs, time=motion.time + later, repaired_at=at + later, position_step=step
+            motion,
+            repairs={**motion.repairs, **repairs},
+            time=motion.time + later,
+            repaired_at=at + later,
+            position_step=step,
         )
 
 
@@ -222,9 +227,11 @@ def _motion(
     behind = lead // step if is_wide_rate(rate) else math.ceil(lead / run.sample_rate_hz * wide)
     position, torque = read("motor_position"), read("motor_torque")
     joints = force = load = None
+    turned = False
     if on_bench:
         load = read("load_torque")[0] if run.has("load_torque") else np.zeros(position.shape[1])
-        torque = _drive_sign(torque[0][behind:], position[:, behind:]) * torque
+        turned = _drive_sign(torque[0][behind:], position[:, behind:]) < 0.0
+        torque = -torque if turned else torque
     else:
         mcp, pip = read("mcp_angle"), read("pip_angle")
         joints = JointMotion(mcp[0], pip[0], mcp[1], pip[1], mcp[2], pip[2])
@@ -249,6 +256,7 @@ def _motion(
         inertia_spread=_inertia_spread(rig),
         intervention=None if on_bench else reduced_change(run),
         change=run.attributes.get(CHANGE, (0, 0)),
+        repairs={(TURNED, "motor_torque"): position.shape[1]} if turned else {},
     )
 
 
