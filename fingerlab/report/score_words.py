@@ -279,7 +279,7 @@ def below_sentence(diagnosis: Diagnosis) -> str:
 
 CLEARLY_BELOW = 0.9
 """Times the floor; above it rounding alone tells 1 from it."""
-FAR_ABOVE = 2.0
+FAR_ABOVE = 1.5
 """Times the error over all equations, in floors, from which on a family's own calls for a word; assumed."""
 
 
