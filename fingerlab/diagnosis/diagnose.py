@@ -301,6 +301,7 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
         excluded_times=excluded,
         held_out_by_parts=any(group.in_parts for group in scorer.reduced.groups),
         repeats=scorer.reduced.floor_from != "state law",
+        partly_repeats=any(group.repeats and not group.bounded for group in scorer.reduced.groups),
         floor_from=scorer.reduced.floor_from,
         calibration=calibration,
         odds=evidence.odds,

@@ -187,10 +187,11 @@ def floor_sentence(diagnosis: Diagnosis) -> str:
     """What the floor stands on where no repetition tells it; empty where one does."""
     if diagnosis.repeats:
         return ""
+    some = "In some of these runs no motion" if diagnosis.partly_repeats else "No motion in these runs"
     return (
-        "No motion in these runs comes again, so that the floor is an estimate: what the best model leaves, "
-        "or where that is less an all-purpose fit that knows no physics. The noise is at most that; a sine "
-        "of a few cycles would tell it."
+        f"{some} comes again, so that the floor is an estimate: what the best model leaves, or where that is "
+        "less an all-purpose fit that knows no physics. The noise is at most that; a sine of a few cycles "
+        "would tell it."
     )
 
 

@@ -235,8 +235,8 @@ class Diagnosis:
     ``parameters`` are those of the model as given, ``final_parameters`` those of ``final_model``: all
     unknowns, an effect's own as ``effect.gain``, those of a cable routing as ``name@routing``.
     ``held_out_by_parts``: the runs are few, and parts of them were left out of the fits.
-    ``repeats``: some motion came again, which tells the floor; else see ``score.floors``. ``floor_from``:
-    what that rests on.
+    ``repeats``: motions of every kind of run came again, which tells the floor; else see ``score.floors``,
+    and ``partly_repeats`` whether those of some kind did. ``floor_from``: what the floor rests on.
     ``better``: with given effects exchanged, and likelier than ``model`` and what may be missing beside it;
     the path leads there. ``as_good``: others that these data cannot tell from the best.
     ``calibration`` says what the probabilities were learned from, ``odds`` what they were before, and
@@ -274,6 +274,7 @@ class Diagnosis:
     excluded_times: tuple[ExcludedTime, ...] = ()
     held_out_by_parts: bool = False
     repeats: bool = True
+    partly_repeats: bool = False
     floor_from: FloorFrom = "cycles"
     bench: tuple[BenchFinding, ...] = ()
     better: OtherModel | None = None
