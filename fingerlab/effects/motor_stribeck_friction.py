@@ -46,6 +46,16 @@ def _seen(motions: Sequence[Motion]) -> tuple[Shape, ...]:
     return (*alone, *({**shape, REVERSAL_SPEED: 0.02} for shape in alone))
 
 
+LEAST_STRIBECK_SPEED = 0.025
+"""Speed, rad/s, below which no friction falls with the speed: what is larger there is how it turns round,
+more steeply than any hyperbolic tangent that is tried; assumed: a quarter of the slowest one tried."""
+
+
+def _speeds(shape: Shape) -> Sequence[Shape]:
+    found = times("stribeck_speed", SPEED_FACTORS)(shape)
+    return [one for one in found if one["stribeck_speed"] >= LEAST_STRIBECK_SPEED] or [shape]
+
+
 def _with_travel(shape: Shape) -> tuple[Shape]:
     if REVERSAL_SPEED in shape:
         return (shape,)
@@ -74,7 +84,7 @@ EFFECT = Effect(
     switches_seen=(ALONE,),
     closer=every(
         _with_travel,
-        times("stribeck_speed", SPEED_FACTORS),
+        _speeds,
         rubbing(OCTAVE[1:-1], (0.0, 1.0), OCTAVE, by_speed=True),
     ),
     bench=True,

@@ -23,9 +23,9 @@ def test_the_one_that_leaves_less_between_its_points_is_named() -> None:
     evidence = tied(17.0)
     assert sorted(ties_to_refine(evidence)) == [0, 1]
     after = with_refined_odds(evidence, [0, 1], [leaving(16.0, PAIR[0]), leaving(3.0, PAIR[1])])
-    # Beyond the usual 0.14, to the power of half of sixteen values. The first has two unknowns and the second
-    # three, a share for each cable, each of which takes a thousandth of the fall; one more costs half a nat.
-    left = [misfit + n * 0.001 * (BEFORE - misfit) for misfit, n in ((16.0, 2), (3.0, 3))]
+    # Beyond the usual 0.14, to the power of half of sixteen values. A run sees two unknowns of either, and
+    # each takes a thousandth of the fall. The second has a share for each cable; one more costs half a nat.
+    left = [misfit + 2 * 0.001 * (BEFORE - misfit) for misfit in (16.0, 3.0)]
     odds = ((left[0] + 0.1 - 0.14) / (left[1] + 0.1 - 0.14)) ** 8 * np.exp(-0.5)
     shares = after.probabilities
     assert shares[1] / shares[0] == pytest.approx(odds, rel=0.02)
