@@ -167,8 +167,6 @@ SAME_SHARE = 0.15
 """Numbers that differ by less than this share are the same condition; an approach is never found twice."""
 SAME_DIFFERENCE = {"frequency_hz": 0.02, "amplitude_deg": 1.0, "offset_deg": 3.0, "load_torque": 0.002}
 """... or by less than this (Hz, degrees at the pulley, N m)."""
-SAME_COMMAND = 0.01
-"""Share of a command by which that of another run may differ, root mean square, and be the same; assumed."""
 MOST_FOLDS = 30
 """Folds of a group, whatever the number of its conditions: beyond, conditions share folds."""
 FEW_RUNS, SPLITS = 2, 2

@@ -25,8 +25,8 @@ RATE = 1000.0
 RADIUS = 0.015
 INERTIA = 3.0e-4
 NOMINAL = Finger(0.012, 0.014, 0.0225, 0.024, 2.1e-6, 2.9e-6, 0.12, 0.06, wrist_angle=np.radians(15.0))
-CALLIPER = dict.fromkeys(("proximal_half_length", "distal_half_length"), 0.005)
-"""Relative tolerance of lengths that were measured: a weight's moment is as uncertain as mass and length are."""
+CALLIPER = dict.fromkeys(("proximal_half_length", "distal_half_length"), 0.002)
+"""Relative tolerance of measured lengths, a tenth of a millimetre: a weight's moment is as uncertain."""
 RIG = Rig(NOMINAL, Motor(pulley_radius=RADIUS, inertia=INERTIA), {"inertia": 0.2, **CALLIPER})
 OFF_NOMINAL = {"proximal_mass": 1.02, "distal_mass": 0.985, "mcp_stiffness": 1.015, "pip_stiffness": 0.985}
 """True over nominal value, within the tolerance of 2 %."""

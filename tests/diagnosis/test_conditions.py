@@ -12,8 +12,7 @@ from fingerlab.diagnosis.answer.errors import held_out_runs
 from fingerlab.diagnosis.score.fitted_model import condition_weights
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.settings import MOST_FOLDS
-from fingerlab.diagnosis.signals.conditions import folds_of, repeated_motions
-from fingerlab.sessions.model import Run
+from fingerlab.diagnosis.signals.conditions import folds_of
 from tests.reduced import reduce_sessions
 
 from . import closed_form as made
@@ -63,25 +62,6 @@ def test_an_approach_that_was_found_anew_is_the_same_motion() -> None:
 def test_another_kind_speed_or_reach_is_another_motion(other: Any) -> None:
     folds, _ = folds_of([run(**SLOW), other], 10)
     assert [f.condition for f in folds] == [0, 1]
-
-
-def test_a_command_that_comes_again_is_the_same_motion_though_its_trajectory_tells_no_frequency() -> None:
-    """A noise of the same band leaves its course to chance: there the command itself must be the same."""
-    time = np.arange(0.0, 4.0, 0.01)
-    rng = np.random.default_rng(5)
-    first, second = (np.cumsum(rng.standard_normal(len(time))) for _ in range(2))
-
-    def commanded(command: np.ndarray, **told: Any) -> Run:
-        channels = {"time": time, "motor_command": command, "motor_position": command}
-        return Run.from_arrays(
-            channels, name="001", phase="on_air", cable="flexion", sample_rate_hz=100.0, trajectory=told
-        )
-
-    noise = {"kind": "noise", "amplitude_deg": 8.0, "band_hz": 2.0}
-    runs = [commanded(one, **noise) for one in (first, second, first, first[::-1])]
-    assert repeated_motions(runs) == [0, 1, 0, 2]
-    other = commanded(first, **{**noise, "band_hz": 3.0})
-    assert repeated_motions([runs[0], other]) == [0, 1]
 
 
 def test_the_number_of_folds_is_bounded() -> None:

@@ -167,9 +167,9 @@ def test_constants_that_one_answer_found_are_no_part_of_the_next() -> None:
         diagnose(
             [drifting], (), lambda share, _: seen.append(share), stop, options=DiagnosisOptions(kept=kept)
         )
-    for added in ((), ("viscous_friction",)):
+    given = ("viscous_friction",)
+    for added, fresh in (((), first), (given, diagnose([drifting], given, with_curves=False))):
         again = diagnose([drifting], added, with_curves=False, options=DiagnosisOptions(kept=kept))
-        fresh = diagnose([drifting], added, with_curves=False)
         assert again.score == fresh.score
         assert [(c.effect, c.probability) for c in again.candidates] == [
             (c.effect, c.probability) for c in fresh.candidates

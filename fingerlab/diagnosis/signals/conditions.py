@@ -16,14 +16,7 @@ from typing import Any
 import numpy as np
 
 from fingerlab.core.errors import UserError
-from fingerlab.diagnosis.settings import (
-    FOLDS,
-    MOST_CHANGES,
-    MOST_FOLDS,
-    SAME_COMMAND,
-    SAME_DIFFERENCE,
-    SAME_SHARE,
-)
+from fingerlab.diagnosis.settings import FOLDS, MOST_CHANGES, MOST_FOLDS, SAME_DIFFERENCE, SAME_SHARE
 from fingerlab.rig.file import INTERVENTION, UNCHANGED, Intervention, intervention_of
 from fingerlab.sessions.model import Run, Session
 
@@ -158,18 +151,14 @@ def repeated_motions(runs: Sequence[Run]) -> list[int | None]:
     """For each run a number that runs told just the same motion share; None: nothing tells it.
 
     Stricter than the conditions: all that the trajectories say must agree, not only what usually matters.
-    Of a trajectory without one frequency and amplitude, which may leave its course to chance, the command
-    itself must.
     """
     seen: list[Run] = []
     found: list[int | None] = []
     for run in runs:
-        told = all(isinstance(run.trajectory.get(name), int | float) for name in COMPARED[:2])
-        if not (told or run.has("motor_command")):
+        if not all(isinstance(run.trajectory.get(name), int | float) for name in COMPARED[:2]):
             found.append(None)
             continue
-        alike = (k for k, other in enumerate(seen) if _commanded_alike(run, other))
-        place = next((k for k in alike if told or _same_command(run, seen[k])), len(seen))
+        place = next((k for k, other in enumerate(seen) if _commanded_alike(run, other)), len(seen))
         if place == len(seen):
             seen.append(run)
         found.append(place)
@@ -180,15 +169,6 @@ def _commanded_alike(one: Run, other: Run) -> bool:
     mine, theirs = ({k: v for k, v in run.trajectory.items() if k not in COMPARED} for run in (one, other))
     same = group_key(one) == group_key(other) and _same_change(one, other)
     return same and mine == theirs and _alike(one.trajectory, other.trajectory)
-
-
-def _same_command(one: Run, other: Run) -> bool:
-    """Whether the motor was sent the same way in both runs, sample by sample, where nothing was lost."""
-    if one.length != other.length or not other.has("motor_command"):
-        return False
-    mine, theirs = one.channel("motor_command"), other.channel("motor_command")
-    apart = float(np.sqrt(np.mean((mine - theirs) ** 2)))
-    return apart <= SAME_COMMAND * float(np.std(mine))
 
 
 GroupKey = tuple[str, str]
