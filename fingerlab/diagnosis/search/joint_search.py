@@ -30,6 +30,7 @@ from fingerlab.diagnosis.settings import (
     MOST_BEYOND,
     NEARLY_AS_GOOD,
     NEEDLESS_SHARE,
+    REFINED_BESIDE_SLACK,
     REMOVAL_SHARE,
     SCREEN_ITERATIONS,
     TOO_CLOSE,
@@ -109,11 +110,15 @@ def path_beside_slack(
     tried = [[slack, one] for one in of_drive if one.id not in held]
     if any(one.id in held for one in of_drive):
         tried.insert(0, [slack])
-    found: list[tuple[Scorer, FittedModel]] = []
+    on_grids: list[tuple[float, FittedModel]] = []
     for more in tried:
         watch.tell(0.0, " and ".join(one.title.lower() for one in more))
         given = [*at_found_shapes(base), *more]
-        found.append(refine_grid(reduction, fit_effects(Scorer(reduction.of(given)), given), watch))
+        of_grid = Scorer(reduction.of(given))
+        fitted = fit_effects(of_grid, given)
+        on_grids.append((of_grid.deviance(fitted), fitted))
+    likeliest = sorted(on_grids, key=lambda pair: pair[0])[:REFINED_BESIDE_SLACK]
+    found = [refine_grid(reduction, fitted, watch) for _, fitted in likeliest]
     keep = len(base.choices)
     by, best = min(found, key=lambda pair: pair[0].deviance(pair[1]))
     best = _without_needless(by, best, keep, USUAL_SHARE)
