@@ -355,6 +355,9 @@ MOST_FOLD_BYTES = 16_000_000
 quicker."""
 MOST_CLOSER = 8
 """So many reductions of refined grids are kept, each of a few megabytes."""
+MOST_REMEMBERED = 200
+"""So many of the models at the best of finer shapes are kept: seven rivals of five passes are looked at twice,
+and where fewer were kept than one look makes, none was there for the second."""
 MOST_LOOKED_AT = 40
 """Runs from which the shapes of an effect are read beforehand, at most: evenly among all."""
 TASKS_AHEAD = 2
@@ -612,7 +615,7 @@ FAR_SHARE = 0.15
 """Many effects together must leave less than this share of the misfit: several together can imitate one that
 nobody knows; assumed, and moved from 0.1 for one bench as built, of which they left 0.14."""
 REFINED_BESIDE_SLACK = 3
-"""So many torques that pass for a slack cable's tension are looked at between points of their grids; assumed."""
+"""So many torques that pass for a slack cable's tension are looked at between the points of their grids."""
 RUNNERS_UP = 2
 """So many other beginnings are tried where a way ends with much left."""
 LOOKING_ITERATIONS = 3

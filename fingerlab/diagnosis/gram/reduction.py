@@ -36,7 +36,13 @@ from fingerlab.diagnosis.gram.sums import (
     empty,
     finer_of,
 )
-from fingerlab.diagnosis.settings import FEW_RUNS, MOST_CLOSER, MOST_LOOKED_AT, STATE_ORDERS
+from fingerlab.diagnosis.settings import (
+    FEW_RUNS,
+    MOST_CLOSER,
+    MOST_LOOKED_AT,
+    MOST_REMEMBERED,
+    STATE_ORDERS,
+)
 from fingerlab.diagnosis.signals.channel_checks import ChannelRatios, check_channels
 from fingerlab.diagnosis.signals.conditions import (
     Fold,
@@ -320,7 +326,7 @@ class Reduction:
             tuple(shapes),
         )
         if key not in self._remembered:
-            if len(self._remembered) >= MOST_CLOSER:
+            if len(self._remembered) >= MOST_REMEMBERED:
                 self._remembered.pop(next(iter(self._remembered)))
             self._remembered[key] = work()
         return self._remembered[key]
