@@ -356,8 +356,8 @@ quicker."""
 MOST_CLOSER = 8
 """So many reductions of refined grids are kept, each of a few megabytes."""
 MOST_REMEMBERED = 200
-"""So many of the models at the best of finer shapes are kept: seven rivals of five passes are looked at twice,
-and where fewer were kept than one look makes, none was there for the second."""
+"""So many models at the best of finer shapes are kept: seven rivals of five passes are looked at twice, and
+where fewer were kept than one look makes, none was there for the second."""
 MOST_LOOKED_AT = 40
 """Runs from which the shapes of an effect are read beforehand, at most: evenly among all."""
 TASKS_AHEAD = 2
