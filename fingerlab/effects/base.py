@@ -365,9 +365,14 @@ STEEP = 0.7
 within 1 per cent (rms) of contacts as strong as each other whose travels are spread evenly."""
 
 
-def times(name: str, factors: Sequence[float] = OCTAVE) -> Closer:
-    """The shape with one number multiplied."""
-    return lambda shape: [{**shape, name: shape[name] * factor} for factor in factors]
+def times(name: str, factors: Sequence[float] = OCTAVE, least: float = 0.0) -> Closer:
+    """The shape with one number multiplied, as far as it does not come below ``least``."""
+
+    def multiplied(shape: Shape) -> list[Shape]:
+        found = ({**shape, name: shape[name] * factor} for factor in factors)
+        return [one for one in found if one[name] >= least or one[name] == shape[name]]
+
+    return multiplied
 
 
 def plus(name: str, steps: Sequence[float]) -> Closer:

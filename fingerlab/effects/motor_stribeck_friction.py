@@ -31,6 +31,9 @@ from fingerlab.effects.transmission import (
 )
 from fingerlab.physics.motion import Motion
 
+LEAST_STRIBECK_SPEED = 0.025
+"""Speed, rad/s, below which no friction falls with the speed: what is larger there is how it turns round,
+more steeply than any hyperbolic tangent that is tried; assumed: a quarter of the slowest one tried."""
 SPEEDS = tuple({"stribeck_speed": value} for value in (0.1, 0.3, 0.8, 2.0))
 
 
@@ -44,16 +47,6 @@ def columns(motion: Motion, shape: Shape) -> list[Term]:
 def _seen(motions: Sequence[Motion]) -> tuple[Shape, ...]:
     alone = [{**shape, ALONE: 1.0} for shape in SPEEDS]
     return (*alone, *({**shape, REVERSAL_SPEED: 0.02} for shape in alone))
-
-
-LEAST_STRIBECK_SPEED = 0.025
-"""Speed, rad/s, below which no friction falls with the speed: what is larger there is how it turns round,
-more steeply than any hyperbolic tangent that is tried; assumed: a quarter of the slowest one tried."""
-
-
-def _speeds(shape: Shape) -> Sequence[Shape]:
-    found = times("stribeck_speed", SPEED_FACTORS)(shape)
-    return [one for one in found if one["stribeck_speed"] >= LEAST_STRIBECK_SPEED] or [shape]
 
 
 def _with_travel(shape: Shape) -> tuple[Shape]:
@@ -84,7 +77,7 @@ EFFECT = Effect(
     switches_seen=(ALONE,),
     closer=every(
         _with_travel,
-        _speeds,
+        times("stribeck_speed", SPEED_FACTORS, LEAST_STRIBECK_SPEED),
         rubbing(OCTAVE[1:-1], (0.0, 1.0), OCTAVE, by_speed=True),
     ),
     bench=True,

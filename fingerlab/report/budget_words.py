@@ -19,13 +19,14 @@ from fingerlab.core.text import (
 from fingerlab.diagnosis.answer.error_parts import Budget, BudgetPart, Comparison
 from fingerlab.diagnosis.answer.residual_profiles import COORDINATES, JOINTS, Profile
 from fingerlab.diagnosis.answer.results import Diagnosis
-from fingerlab.diagnosis.equations.parameters import ARMS, SHARES_OF_CONSTANTS
+from fingerlab.diagnosis.equations.parameters import ARMS
 from fingerlab.diagnosis.score.calibration import Verdict
 from fingerlab.effects import find_effect
 from fingerlab.report.diagnosis_words import FAMILY_TITLES, PHASE_WORDS, effect_title, in_sentence, judged_on
 from fingerlab.report.parameter_words import parameter_title
 from fingerlab.report.recording_words import run_proposed
 from fingerlab.report.score_words import apportioned
+from fingerlab.rig.file import FITTED_CONSTANTS
 
 TITLES = {
     "unknown": "Left unexplained",
@@ -55,7 +56,7 @@ MENDS = {
 }
 
 PROPOSED = " The proposed run shows whether one is missing."
-BY_HAND = frozenset({*SHARES_OF_CONSTANTS, "rotor_inertia", *ARMS})
+BY_HAND = frozenset({*FITTED_CONSTANTS, "rotor_inertia", *ARMS})
 """Constants that a scale, a ruler and a weight tell."""
 MEASURED = "Record more runs, or measure by hand what weighs most: {}."
 

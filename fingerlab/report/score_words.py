@@ -280,7 +280,7 @@ def below_sentence(diagnosis: Diagnosis) -> str:
 CLEARLY_BELOW = 0.9
 """Times the floor; above it rounding alone tells 1 from it."""
 FAR_ABOVE = 1.5
-"""Times the error over all equations, in floors, from which on a family's own calls for a word; assumed."""
+"""Factor between a row's error, in floors, and that over all from which on a reader asks why; assumed."""
 
 
 def apart_sentence(diagnosis: Diagnosis) -> str:
@@ -290,7 +290,7 @@ def apart_sentence(diagnosis: Diagnosis) -> str:
         return ""
     row = error.rmse / error.floor
     whole = math.log(diagnosis.score / row)
-    if abs(whole) < math.log(ROW_APART):
+    if abs(whole) < math.log(FAR_ABOVE):
         return ""
     said = {
         found.stuck: "the row counts in full the moments at which the motor sticks, where friction may hold "
@@ -310,8 +310,6 @@ def apart_sentence(diagnosis: Diagnosis) -> str:
     return f"{here}{'; and '.join(reasons)}.{adds if diagnosis.score_parts else ''}"
 
 
-ROW_APART = 1.5
-"""Factor between row and error over all from which on a reader asks why (assumed)."""
 A_REASON = 0.25
 """Share of that factor's logarithm from which on a reason is told (assumed)."""
 

@@ -44,6 +44,11 @@ DEFAULT_TOLERANCE = 0.02
 """Relative tolerance of a rig constant that the file says nothing about (session format, version 1)."""
 WITHOUT_TOLERANCE = ("gravity", "gear_ratio")
 """Constants that are what they are said to be."""
+FITTED_CONSTANTS = (
+    "proximal_mass", "distal_mass", "proximal_half_length", "distal_half_length",
+    "mcp_stiffness", "pip_stiffness",
+)  # fmt: skip
+"""Constants of a finger of which a model tells by what share they are off, within their tolerance."""
 
 
 @dataclass(frozen=True)

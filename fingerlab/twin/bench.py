@@ -22,7 +22,7 @@ from scipy.optimize import fsolve
 
 from fingerlab.core.errors import UserError
 from fingerlab.models.file import DIAGNOSIS_METHOD, SavedModel, load_model
-from fingerlab.rig.file import Rig
+from fingerlab.rig.file import FITTED_CONSTANTS, Rig
 from fingerlab.sessions.model import CABLE_SIGN
 from fingerlab.twin.effects import EFFECTS
 from fingerlab.twin.integrate import cable_path, finger_bias, fingertip, joint_elastic, pose
@@ -47,11 +47,6 @@ Z90 = 1.6449
 """Standard deviations that half of a 90 % interval spans (normal distribution)."""
 MOST_DRAWN = 2.0
 """Standard deviations beyond which no value is drawn, as for a bench's tolerances."""
-SHARES = (
-    "proximal_mass", "distal_mass", "proximal_half_length", "distal_half_length",
-    "mcp_stiffness", "pip_stiffness",
-)  # fmt: skip
-"""Constants of which a model tells by what share they are off."""
 
 
 @dataclass(frozen=True)
@@ -125,7 +120,7 @@ def _preset(preset: Preset, model: SavedModel, values: Mapping[str, float]) -> P
     """The preset with the constants of the bench that were found; ``known`` holds true over nominal."""
     assert preset.rig.finger is not None  # checked above, or by the preset
     known = dict.fromkeys((*vars(preset.rig.finger), "torque_constant", "pulley_radius", "inertia"), 1.0)
-    known |= {name: 1.0 + values[name] for name in SHARES if name in values}
+    known |= {name: 1.0 + values[name] for name in FITTED_CONSTANTS if name in values}
     known["torque_constant"] = 1.0 - values.get("torque_gain", 0.0)  # told is what is taken off
     numbers: dict[str, dict[str, Any]] = {name: dict(part) for name, part in preset.numbers.items()}
     inertia = preset.rig.motor.inertia or numbers["motor"]["inertia"]

@@ -48,7 +48,7 @@ def bench_findings(
     """
     return (
         *_channels(reduction),
-        *_broken(reduction),
+        *_fragmented(reduction),
         *_turned(reduction),
         *_moved(reduction, offsets),
         *_skew(reduction, last),
@@ -65,40 +65,31 @@ def _channels(reduction: Reduction) -> list[BenchFinding]:
     for channel in sorted({name for _, names in lost for name in names}):
         runs = tuple(run for run, names in lost if channel in names)
         them = "it is" if len(runs) == 1 else "they are"
-        said = (
-            f"Channel '{channel}' was lost in {_count(len(runs), 'run')} ({', '.join(runs[:5])}"
-            f"{', ...' if len(runs) > 5 else ''}); {them} left aside"
-        )
+        said = f"Channel '{channel}' was lost in {_named(runs)}; {them} left aside"
         advice = "look at its cable, and record again"
         result.append(BenchFinding("missing_channel", channel, float(len(runs)), "runs", runs, said, advice))
     return result
 
 
-def _broken(reduction: Reduction) -> list[BenchFinding]:
+def _fragmented(reduction: Reduction) -> list[BenchFinding]:
     """Runs that are left aside because of their gaps."""
-    runs = tuple(reduction.broken_runs)
+    runs = tuple(reduction.fragmented_runs)
     if not runs:
         return []
-    them = "it is" if len(runs) == 1 else "they are"
-    said = (
-        f"{_count(len(runs), 'run')} ({', '.join(runs[:5])}{', ...' if len(runs) > 5 else ''}) "
-        f"{'has' if len(runs) == 1 else 'have'} gaps that leave no stretch long enough; {them} left aside"
-    )
+    have, them = ("has", "it is") if len(runs) == 1 else ("have", "they are")
+    said = f"{_named(runs)} {have} gaps that leave no stretch long enough; {them} left aside"
     advice = "find out what loses samples, and record again"
     return [BenchFinding("lost_samples", "time", float(len(runs)), "runs", runs, said, advice)]
 
 
 def _turned(reduction: Reduction) -> list[BenchFinding]:
     """Torques of a motor alone that helped its friction, or told a negative inertia, as they were logged."""
-    runs, names, _ = _put_right(reduction, (TURNED, "motor_torque"))
-    if not runs:
+    names = _put_right(reduction, (TURNED, "motor_torque"))[1]
+    if not names:
         return []
-    said = (
-        f"Channel 'motor_torque' counts against the position in {_count(len(runs), 'run')} "
-        f"({', '.join(names[:5])}{', ...' if len(names) > 5 else ''}); its sign is turned"
-    )
+    said = f"Channel 'motor_torque' counts against the position in {_named(names)}; its sign is turned"
     advice = "write what drives the axis towards larger positions as positive"
-    return [BenchFinding("turned", "motor_torque", float(len(runs)), "runs", names, said, advice)]
+    return [BenchFinding("turned", "motor_torque", float(len(names)), "runs", names, said, advice)]
 
 
 def _skew(reduction: Reduction, last: FittedModel) -> list[BenchFinding]:
@@ -278,6 +269,11 @@ def _put_right(reduction: Reduction, what: Repair) -> tuple[list[int], tuple[str
 
 def _count(number: int, what: str) -> str:
     return f"{number:,} {what}{'' if number == 1 else 's'}"
+
+
+def _named(runs: Sequence[str]) -> str:
+    """How many runs, and the first of their names."""
+    return f"{_count(len(runs), 'run')} ({', '.join(runs[:5])}{', ...' if len(runs) > 5 else ''})"
 
 
 def _number(value: float) -> str:

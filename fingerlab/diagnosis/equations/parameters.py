@@ -34,7 +34,7 @@ from fingerlab.diagnosis.settings import (
 from fingerlab.diagnosis.signals.scales import Scales
 from fingerlab.effects.base import Effect
 from fingerlab.physics.parameter import Parameter, Role
-from fingerlab.rig.file import Rig
+from fingerlab.rig.file import FITTED_CONSTANTS, Rig
 from fingerlab.sessions.model import Array
 
 ARMS, LOSSES = ("arm_mcp", "arm_pip"), ("loss_mcp", "loss_pip")
@@ -53,11 +53,6 @@ TIP_LAWS = {"slides": SLIPS, "sticks": (SET_DOWN,)}
 normal one until friction gives way; or stick, and keep what it was set down with."""
 
 
-SHARES_OF_CONSTANTS = (
-    "proximal_mass", "distal_mass", "proximal_half_length", "distal_half_length",
-    "mcp_stiffness", "pip_stiffness",
-)  # fmt: skip
-"""Constants of the rig by whose relative error the unknown of the same name is told."""
 TORQUE_ZERO = "torque_zero"
 """The unknown that a current's zero adds to the motor's torque, N m."""
 
@@ -66,12 +61,11 @@ TORQUE_LAG, TORQUE_LAG_SQUARE = "bench_lag", "bench_lag_square"
 """By how much the torque of a motor alone is logged later than its position, s: a filter of its current, or
 two clocks; below zero of a drive that holds its torque until the next reading of its position. Beside a
 finger both are channels of one card."""
-BENCH_TRACE = "bench_trace"
 BENCH_RANGES = {
     "bench_inertia": Parameter("kg m^2", 0.0, 1e4, 1e-3, open=True),
     "bench_gain": Parameter("1", -100.0, 100.0, 1.0, open=True),
     "bench_offset": Parameter("N m", -10.0, 10.0, 0.1, open=True),
-    BENCH_TRACE: Parameter("N m s/rad", 0.0, 2e-4, 5e-5),
+    "bench_trace": Parameter("N m s/rad", 0.0, 2e-4, 5e-5),
 }
 """Of a motor alone, whose equation is fitted as it comes."""
 
@@ -97,7 +91,7 @@ def nuisance_ranges(rig: Rig, rate: float = math.inf) -> dict[str, Parameter]:
         TORQUE_LAG_SQUARE: Parameter("s^2", 0.0, (10.0 * lag) ** 2, 5.0 * lag**2),
     }
     if rig.motor.inertia is not None:
-        bench[BENCH_TRACE] = _trace_of(rig.motor.inertia)
+        bench["bench_trace"] = _trace_of(rig.motor.inertia)
     if rig.finger is None:
         return bench
     zero = rig.motor.torque_constant * rig.motor.gear_ratio * CURRENT_ZERO_A
@@ -105,7 +99,7 @@ def nuisance_ranges(rig: Rig, rate: float = math.inf) -> dict[str, Parameter]:
         TORQUE_ZERO: Parameter("N m", -2.5 * zero, 2.5 * zero, zero, source="assumed: the current's zero"),
         "load_gain": Parameter("1", -0.05, 0.05, 0.02, source="assumed: a load known to 2 %"),
     }
-    for name in (*SHARES_OF_CONSTANTS, "torque_constant"):
+    for name in (*FITTED_CONSTANTS, "torque_constant"):
         tolerance = max(rig.tolerance_of(name), EXACT)
         told = "torque_gain" if name == "torque_constant" else name
         ranges[told] = Parameter("1", -2.5 * tolerance, 2.5 * tolerance, tolerance, source="rig file")
@@ -156,7 +150,7 @@ def _trace_of(inertia: float) -> Parameter:
     Args:
         inertia: kg m^2, as the rig file tells it.
     """
-    usual, trace = BENCH_RANGES[BENCH_TRACE], inertia / COASTING_S
+    usual, trace = BENCH_RANGES["bench_trace"], inertia / COASTING_S
     return replace(usual, high=usual.high / usual.typical * trace, typical=trace)
 
 

@@ -28,7 +28,7 @@ from fingerlab.diagnosis.settings import (
 )
 from fingerlab.diagnosis.signals.filters import decimate
 from fingerlab.diagnosis.signals.scales import SI, Scales, reduced_change, scaled_change, scaled_trajectory
-from fingerlab.diagnosis.signals.segments import is_broken, segments_of
+from fingerlab.diagnosis.signals.segments import is_fragmented, segments_of
 from fingerlab.physics import nominal
 from fingerlab.physics.motion import Motion, added_body
 from fingerlab.physics.nominal import JointMotion
@@ -290,7 +290,7 @@ def seen_press(sessions: Sequence[Session]) -> Press | None:
             amplitude = run.trajectory.get("amplitude_deg")
             if run.phase != "contact" or not isinstance(amplitude, int | float) or amplitude <= 0:
                 continue
-            if is_broken(run):
+            if is_fragmented(run):
                 continue
             press = _press(next(iter(segments_of(run, session.rig))), float(amplitude))
             if press is not None:

@@ -53,11 +53,12 @@ from fingerlab.diagnosis.signals.conditions import (
     missing_channels,
     repeated_motions,
     runs_to_analyse,
+    usable,
     with_interventions,
 )
 from fingerlab.diagnosis.signals.filters import Repair
 from fingerlab.diagnosis.signals.scales import Scales, as_recorded, find_scales, reduced_sessions
-from fingerlab.diagnosis.signals.segments import ChannelSigns, check_senses, is_broken, segments_of
+from fingerlab.diagnosis.signals.segments import ChannelSigns, check_senses, is_fragmented, segments_of
 from fingerlab.effects.base import Effect, Shape
 from fingerlab.physics.motion import Motion, strongest_lines
 from fingerlab.rig.file import UNCHANGED, Intervention, Rig, intervention_of
@@ -118,24 +119,16 @@ class Reduction:
         return with_interventions(reduced_sessions(self._given, self.scales))
 
     @cached_property
-    def _divided(self) -> tuple[list[tuple[Session, Run]], list[Run]]:
-        """Runs to analyse with their sessions; and those of which gaps leave nothing, beside whole ones."""
-        every = runs_to_analyse(self.sessions)[0]
-        broken = {id(run) for _, run in every if is_broken(run)}
-        kinds = {group_key(run) for _, run in every if id(run) not in broken}
-        spared = [run for _, run in every if id(run) in broken and group_key(run) in kinds]
-        left_aside = {id(run) for run in spared}
-        return [(s, run) for s, run in every if id(run) not in left_aside], spared
-
-    @property
     def pairs(self) -> list[tuple[Session, Run]]:
         """The runs that are analysed, in reduced units, each with its session."""
-        return self._divided[0]
+        return usable(runs_to_analyse(self.sessions)[0], lambda run: not is_fragmented(run))
 
     @property
-    def broken_runs(self) -> list[str]:
+    def fragmented_runs(self) -> list[str]:
         """Names of the runs that are left aside because gaps leave no stretch of them that is long enough."""
-        return [run.name for run in self._divided[1]]
+        kept = set(self.runs)
+        every = runs_to_analyse(self.sessions)[0]
+        return [run.name for session, run in every if (str(session.path), run.name) not in kept]
 
     def restart(self, fixed: Mapping[str, float] | None = None) -> None:
         """Begin a call that asks for nothing that another left: no constants but those of the bare model."""

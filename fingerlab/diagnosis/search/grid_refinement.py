@@ -131,8 +131,8 @@ def refine_grid(
         scorer = Scorer(reduction.refined(finer, watch))
         began = [Choice(e, place) for e, place in zip(finer, places, strict=True)]
         of_shapes = fitted = reduction.remember(finer, places, partial(_best_of_finer, scorer, finer, places))
-        scorer, fitted = _with_shapes_that_follow(reduction, scorer, fitted, watch)
-        moved = _shapes_lag(of_shapes) or any(map(_is_another_law, fitted.choices, began))
+        scorer, fitted = _iterate_dependent_shapes(reduction, scorer, fitted, watch)
+        moved = bool(_moved_shapes(of_shapes)) or any(map(_is_another_law, fitted.choices, began))
         off_grid = any(map(_is_beyond_grid, fitted.choices, found.choices))
         again = passed < SHAPE_PASSES and moved
         if not again and not (off_grid and [c.shape for c in fitted.choices] != places):
@@ -141,20 +141,21 @@ def refine_grid(
     return scorer, fitted
 
 
-def _with_shapes_that_follow(
+def _iterate_dependent_shapes(
     reduction: Reduction, scorer: Scorer, found: FittedModel, watch: Watch
 ) -> tuple[Scorer, FittedModel]:
-    """The model, fitted again while shapes that take numbers from it move, as far as the data bear that out.
+    """The model fitted again while shapes that take numbers from it move, as far as the data bear that out.
 
-    Where a number goes with the shape by more than the shape with the number, going on leads away: of a
-    sheath that seemed to take a twentieth less, the share came down by half.
+    A fixed point of this iteration need not attract: where a number goes with the shape by more than the
+    shape with the number, going on leads away. Of a sheath that seemed to take a twentieth less, the share
+    came down by half.
     """
     fitted = found
     for _ in range(FOLLOWING_ROUNDS):
-        if not _shapes_lag(fitted):
+        moved = _moved_shapes(fitted)
+        if not moved:
             break
-        choices = _with_dependent_shapes(fitted)
-        given = [replace(c.effect, shapes=(c.effect.shapes[c.shape],)) for c in choices]
+        given = [replace(c.effect, shapes=(c.effect.shapes[c.shape],)) for c in moved]
         by = Scorer(reduction.refined(given, watch))
         followed = by.fit([Choice(e) for e in given], fitted, FULL_ITERATIONS)
         if followed.fit.cost > fitted.fit.cost + 2.0 * DECIDING_LOG_ODDS:
@@ -163,10 +164,11 @@ def _with_shapes_that_follow(
     return scorer, fitted if fitted is found else scorer.fit_reweighted(fitted.choices, fitted)
 
 
-def _shapes_lag(fitted: FittedModel) -> bool:
-    """Whether the numbers that shapes took from a model are no longer those that it has."""
-    each = zip(_with_dependent_shapes(fitted), fitted.choices, strict=True)
-    return any(_has_moved(now, then, fitted) for now, then in each)
+def _moved_shapes(fitted: FittedModel) -> list[Choice]:
+    """The choices with the numbers that their shapes take from the model now; none where all have stood."""
+    now = _with_dependent_shapes(fitted)
+    moved = any(_has_moved(one, then, fitted) for one, then in zip(now, fitted.choices, strict=True))
+    return now if moved else []
 
 
 def _is_beyond_grid(one: Choice, found: Choice) -> bool:

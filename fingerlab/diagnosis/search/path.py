@@ -57,7 +57,7 @@ def forward_selection(
     beyond_a_pair = len(found) > 3 and lacks_fit(found[1])
     if lacks_fit(found[-1]) or beyond_a_pair:
         ends = [(scorer.deviance(found[-1]), found)]
-        for begin in _other_beginnings(scorer, first, found[1]):
+        for begin in _alternative_first_steps(scorer, first, found[1]):
             settled = scorer.score_held_out(scorer.fit_reweighted(begin.choices, begin))
             other = _forward(scorer, first, effects, keep, watch, most, settled)
             explains = other[-1].misfit < (1.0 - NEXT_SHARE) * found[-1].misfit
@@ -67,7 +67,7 @@ def forward_selection(
     return found
 
 
-def _other_beginnings(scorer: Scorer, evidence: Evidence, taken: FittedModel) -> list[FittedModel]:
+def _alternative_first_steps(scorer: Scorer, evidence: Evidence, taken: FittedModel) -> list[FittedModel]:
     """The candidates that leave least after the one that was taken; of a motor alone, with few effects, all.
 
     Viscous friction may explain less than Coulomb's beside a weight that nothing tells yet, and all with it.
@@ -102,7 +102,7 @@ def _forward(
         best = begin if begin is not None and len(steps) == 1 else evidence.best
         if not justified(evidence.base, best):
             break
-        helps = worth_adding(scorer, steps[sound - 1], best) or _tells_what_is_missed(steps[sound - 1], best)
+        helps = _explains_lack_of_fit(steps[sound - 1], best) or worth_adding(scorer, steps[sound - 1], best)
         if not (helps or lacks_fit(best)):
             break
         chosen = eliminate_backward(scorer, best, keep)
@@ -162,7 +162,7 @@ def worth_adding(scorer: Scorer, base: FittedModel, best: FittedModel) -> bool:
     return justified(before, best, gained, reach)
 
 
-def _tells_what_is_missed(base: FittedModel, best: FittedModel) -> bool:
+def _explains_lack_of_fit(base: FittedModel, best: FittedModel) -> bool:
     """Whether one effect more tells most of what a model lacks for certain, and leaves no such lack.
 
     Where no motion comes again, each model calls what it leaves its noise, and under its own weights none

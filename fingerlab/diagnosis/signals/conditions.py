@@ -9,7 +9,7 @@ runs are dealt to folds, which are held out of a fit one split at a time.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -220,10 +220,14 @@ def missing_channels(run: Run) -> tuple[str, ...]:
 
 
 def _with_all_channels(pairs: list[tuple[Session, Run]]) -> list[tuple[Session, Run]]:
-    """Those whose channels are all there; all where none has them, for then there is something to be said."""
-    whole = [pair for pair in pairs if not missing_channels(pair[1])]
-    kinds = {group_key(run) for _, run in whole}
-    return [p for p in pairs if p in whole or group_key(p[1]) not in kinds]
+    return usable(pairs, lambda run: not missing_channels(run))
+
+
+def usable(pairs: Sequence[tuple[Session, Run]], fits: Callable[[Run], bool]) -> list[tuple[Session, Run]]:
+    """The runs that fit; of a kind of which none does all of them, for then there is something to be said."""
+    fitting = [fits(run) for _, run in pairs]
+    kinds = {group_key(run) for (_, run), fit in zip(pairs, fitting, strict=True) if fit}
+    return [pair for pair, fit in zip(pairs, fitting, strict=True) if fit or group_key(pair[1]) not in kinds]
 
 
 def group_key(run: Run) -> GroupKey:

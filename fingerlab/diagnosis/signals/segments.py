@@ -81,14 +81,11 @@ def segments_of(run: Run, rig: Rig) -> Iterator[Motion]:
             "the machine settles are left out, and the filters need "
             f"{_duration(run, SHORTEST_STRETCH_S)} of what follows."
         )
-    length = int(LONGEST_STRETCH_S * rate)
     none = True
-    for start in range(first, run.length, length):
-        stop = min(start + length, run.length)
-        if stop - start >= SHORTEST_STRETCH_S * rate:
-            for motion in _without_gaps(run, rig, start, stop, on_bench, first):
-                none = False
-                yield motion
+    for start, stop in _blocks(run):
+        for motion in _without_gaps(run, rig, start, stop, on_bench, first):
+            none = False
+            yield motion
     if none:
         least = _duration(run, settling_s(run) + SHORTEST_STRETCH_S)
         raise UserError(
@@ -97,17 +94,23 @@ def segments_of(run: Run, rig: Rig) -> Iterator[Motion]:
         )
 
 
-def is_broken(run: Run) -> bool:
+def _blocks(run: Run) -> list[tuple[int, int]]:
+    """First and last sample (exclusive) of the blocks of at most a minute in which a run is read."""
+    rate = run.sample_rate_hz
+    first, length = int(settling_s(run) * rate), int(LONGEST_STRETCH_S * rate)
+    ends = ((start, min(start + length, run.length)) for start in range(first, run.length, length))
+    return [(start, stop) for start, stop in ends if stop - start >= SHORTEST_STRETCH_S * rate]
+
+
+def is_fragmented(run: Run) -> bool:
     """Whether gaps leave no stretch of a run, in reduced units, that is long enough for its filters."""
     time, rate = run.channel("time"), run.sample_rate_hz
     if is_too_short(run) or len(whole_pieces(time, rate)) == 1:
         return False
-    first, length = int(settling_s(run) * rate), int(LONGEST_STRETCH_S * rate)
-    lead = first - first % derivative_kernels(rate)[1]
-    ends = [(start, min(start + length, run.length)) for start in range(first, run.length, length)]
-    times = [time[start - lead : end] for start, end in ends if end - start >= SHORTEST_STRETCH_S * rate]
-    bridges = (bridged({"time": one}, rate)[0]["time"] for one in times)
-    return not any(True for one in bridges for _ in _whole(one, rate, lead))
+    lead = int(settling_s(run) * rate)
+    lead -= lead % derivative_kernels(rate)[1]
+    blocks = (bridged({"time": time[start - lead : stop]}, rate)[0]["time"] for start, stop in _blocks(run))
+    return not any(True for one in blocks for _ in _whole(one, rate, lead))
 
 
 def is_too_short(run: Run) -> bool:
