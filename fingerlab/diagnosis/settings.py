@@ -615,7 +615,7 @@ FAR_SHARE = 0.15
 """Many effects together must leave less than this share of the misfit: several together can imitate one that
 nobody knows; assumed, and moved from 0.1 for one bench as built, of which they left 0.14."""
 REFINED_BESIDE_SLACK = 3
-"""So many torques that pass for a slack cable's tension are refined between the points of their grids; assumed."""
+"""So many torques that pass for a slack cable's tension are refined between their grids' points; assumed."""
 RUNNERS_UP = 2
 """So many other beginnings are tried where a way ends with much left."""
 LOOKING_ITERATIONS = 3
