@@ -112,7 +112,8 @@ def set_words(diagnosis: Diagnosis) -> str:
 
     And that the floor is no bench's own, where it is none.
     """
-    floor = "" if diagnosis.repeats else " No motion repeats: the floor is a bound."
+    some = "In some runs no motion" if diagnosis.partly_repeats else "No motion"
+    floor = "" if diagnosis.repeats else f" {some} repeats: the floor is a bound."
     said = _set_words(diagnosis) + floor, held_sentence(diagnosis), _exchange_note(diagnosis)
     return " ".join(filter(None, said))
 
