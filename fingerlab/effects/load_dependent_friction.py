@@ -5,12 +5,14 @@ import numpy as np
 from fingerlab.effects.base import (
     OCTAVE,
     REVERSAL_SPEED,
+    STICK_DAMPING,
     Effect,
     Example,
     Formula,
     Row,
     Shape,
     Term,
+    damped_contact,
     rubbing,
 )
 from fingerlab.effects.transmission import WINDING_TRAVELS_DEG, drive_state, drive_terms
@@ -57,10 +59,11 @@ def columns(motion: Motion, shape: Shape) -> list[Term]:
         state = drive_state(motion, shape)
         return drive_terms(motion, "share", load * state / (1.0 + share * state))
     way, sharpness = float(np.radians(shape["travel_deg"])), shape.get("sharpness", 0.0)
+    lead = shape[STICK_DAMPING] * motion.velocity if STICK_DAMPING in shape else None
 
     def stops(position: Array, reaches: Array) -> Array:
         backward = (1.0 + share) / (1.0 - share)
-        return rubbing_forces(position, load / (1.0 + share), REFERENCE_LOAD_NM / reaches, backward)
+        return rubbing_forces(position, load / (1.0 + share), REFERENCE_LOAD_NM / reaches, backward, lead)
 
     return drive_terms(motion, "share", friction_state(motion.position, way, sharpness, stops))
 
@@ -69,11 +72,11 @@ def _closer(shape: Shape) -> list[Shape]:
     """Around the one found, and where the other law would be looked for."""
     if REVERSAL_SPEED in shape:
         return list(rubbing()(shape))
-    held = {**shape, "held": 1.0}
-    following = {**shape, "held": 0.0}
+    undamped = {name: value for name, value in shape.items() if name != STICK_DAMPING}
+    held, following = {**undamped, "held": 1.0}, {**undamped, "held": 0.0}
     if shape.get("held", 1.0):
         others = [{**following, "travel_deg": t, "sharpness": 0.0} for t in WINDING_TRAVELS_DEG]
-        return [*rubbing(OCTAVE[1:-1])(held), *others]
+        return [*rubbing(OCTAVE[1:-1])(held), *damped_contact(shape), *others]
     others = [{**held, "travel_deg": t, "sharpness": 1.0} for t in HELD_TRAVELS_DEG]
     return [*rubbing(by_speed=True)(following), *others]
 
@@ -105,7 +108,7 @@ EFFECT = Effect(
     reveal_of_an_axis="runs under two known loads",
     mend="Grease the gearbox, or choose one with a smaller ratio; less pretension lowers it, too.",
     shapes=SHAPES,
-    shape_units={"travel_deg": "deg", REVERSAL_SPEED: "rad/s"},
+    shape_units={"travel_deg": "deg", STICK_DAMPING: "s", REVERSAL_SPEED: "rad/s"},
     shapes_seen=lambda motions: (*SHAPES, {REVERSAL_SPEED: 0.02, "held": 0.0}),
     closer=_closer,
     follows={LOAD_SHARE: ("load_dependent_friction.share",)},

@@ -71,7 +71,11 @@ def _plays(position: Array, travels: Sequence[float] | Array) -> Array:
 
 
 def rubbing_forces(
-    position: Array, limit: Array, stiffnesses: Sequence[float] | Array, backward: float = 1.0
+    position: Array,
+    limit: Array,
+    stiffnesses: Sequence[float] | Array,
+    backward: float = 1.0,
+    lead: Array | None = None,
 ) -> Array:
     """Forces of springs that stick until they would exceed +-``limit``, (m, n), one a stiffness; from zero.
 
@@ -81,6 +85,9 @@ def rubbing_forces(
     Args:
         position: m, shape (n,). limit: N, not negative, shape (n,). stiffnesses: N/m.
         backward: times the limit is the one below zero.
+        lead: m, shape (n,): velocity times the damping of what sticks over its stiffness, s; None: undamped.
+            With it what sticks holds as if it had moved further (sigma_1 of the LuGre model, Canudas de Wit
+            et al. 1995), and no more than the limit.
     """
     shift = _blocked(_column(stiffnesses) * np.diff(position, prepend=position[:1]))
     high = np.repeat(_blocked(limit[None]), shift.shape[1], axis=1)
@@ -93,7 +100,10 @@ def rubbing_forces(
         np.minimum(new_high, high[k], out=high[k])
         shift[k] += shift[k - 1]
     start = _handed_on(shift[-1], low[-1], high[-1], 0.0)
-    return _joined(_clamp(start + shift, low, high), len(position))
+    forces = _joined(_clamp(start + shift, low, high), len(position))
+    if lead is None:
+        return forces
+    return _clamp(forces + _column(stiffnesses) * lead, -backward * limit, limit)
 
 
 def _handed_on(shift: Array, low: Array, high: Array, first: float) -> Array:
