@@ -66,8 +66,9 @@ from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.score.selection import lacks_fit
 from fingerlab.diagnosis.search.exchange import ExchangedModel, odds_of_rivals
 from fingerlab.diagnosis.search.grid_refinement import fit_refined
+from fingerlab.diagnosis.search.late_force import is_borne_out, with_force_corrected
 from fingerlab.diagnosis.search.next_effect import at_edges, fitted_to_the_end
-from fingerlab.diagnosis.search.strategy import Found, Question, Stages, search_effects
+from fingerlab.diagnosis.search.strategy import Found, Question, Stages, begin_search, search_effects
 from fingerlab.diagnosis.settings import (
     FULL_ITERATIONS,
     HALF_LEFT,
@@ -75,7 +76,6 @@ from fingerlab.diagnosis.settings import (
     REPLACING_SHARE,
     RUN_LOG_ODDS,
     SET_LOG_ODDS,
-    STILL_LEFT,
 )
 from fingerlab.effects import effect, whole_catalogue
 from fingerlab.effects.base import Effect
@@ -135,31 +135,57 @@ def diagnose(
     asked, known = options or DiagnosisOptions(), whole_catalogue()
     given = [known.get(name) or effect(name) for name in dict.fromkeys(added)]
     catalogue = [e for e in known.values() if e.id not in asked.left_out]
-    stages, alone = Stages(progress, cancelled), None
-    display = _display() if with_curves else None
+    stages = Stages(progress, cancelled)
     # Small matrices: several threads of linear algebra only get in each other's way.
     with threadpool_limits(limits=1, user_api="blas"):
         reduction = asked.kept or Reduction(sessions, asked.executor)
         reduction.restart(asked.held)
         catalogue = reduction.suited(catalogue)
-        reduction.begin(catalogue, stages.part(0.0, 0.2), read=bool(given))
-        if given:
-            settle_constants(reduction, Scorer(reduction.of([])))
-            # There and in the catalogue at the shapes that fit best.
-            look = None if asked.first is None else partial(_look, asked.first, _weights_of(asked.before))
-            alone = fit_refined(reduction, given, stages.part(0.2, 0.25), look)
-            given = with_other_laws(at_found_shapes(alone[1]), catalogue)
-            catalogue = with_shapes_of(catalogue, given)
-        watch = stages.part(0.25 if given else 0.0, 0.4)
-        scorer = Scorer(reduction.of(catalogue, watch, display.keep if display is not None else None))
-        scorer = settle_constants(reduction, scorer)
-        check_held(reduction, scorer, given)
-        question = Question(reduction, catalogue, given, stages, alone)
-        found = search_effects(question, scorer)
-        if lacks_fit(found.path[-1], NEARLY_RIGHT):
-            found = searched_again(question, scorer, found)
+        question, found, display = _searched(reduction, catalogue, given, stages, asked, with_curves)
         found = searched_below_floor(question, found)
         return _answer(question, found, display, started)
+
+
+def _searched(
+    reduction: Reduction,
+    catalogue: Sequence[Effect],
+    given: Sequence[Effect],
+    stages: Stages,
+    asked: DiagnosisOptions,
+    with_curves: bool,
+) -> tuple[Question, Found, Display | None]:
+    """The recordings read, what is missing of the model with these effects, and what there is to be shown.
+
+    Where much is left that a late load cell explains, all of it with its reading corrected.
+    """
+    search = partial(_searched, reduction, catalogue, given, stages, asked, with_curves)
+    alone, display = None, _display() if with_curves else None
+    reduction.begin(catalogue, stages.part(0.0, 0.2), read=bool(given))
+    if given:
+        settle_constants(reduction, Scorer(reduction.of([])))
+        # There and in the catalogue at the shapes that fit best.
+        look = None if asked.first is None else partial(_look, asked.first, _weights_of(asked.before))
+        alone = fit_refined(reduction, given, stages.part(0.2, 0.25), look)
+        given = with_other_laws(at_found_shapes(alone[1]), catalogue)
+        catalogue = with_shapes_of(catalogue, given)
+    watch = stages.part(0.25 if given else 0.0, 0.4)
+    scorer = Scorer(reduction.of(catalogue, watch, display.keep if display is not None else None))
+    scorer = settle_constants(reduction, scorer)
+    check_held(reduction, scorer, given)
+    question = Question(reduction, catalogue, given, stages, alone)
+    begun = begin_search(question, scorer)
+    if (corrected := with_force_corrected(reduction, begun.models, search, _outcome)) is not None:
+        return corrected
+    found = search_effects(question, begun)
+    if lacks_fit(found.path[-1], NEARLY_RIGHT):
+        found = searched_again(question, scorer, found)
+    if (corrected := with_force_corrected(reduction, found.models, search, _outcome)) is not None:
+        return corrected
+    return question, found, display
+
+
+def _outcome(searched: tuple[Question, Found, Display | None]) -> tuple[FittedModel, str]:
+    return searched[1].path[-1], searched[1].evidence.verdict
 
 
 def _weights_of(before: Diagnosis | None) -> Weights | None:
@@ -213,10 +239,8 @@ def searched_again(question: Question, scorer: Scorer, found: Found) -> Found:
     if constants is None or not beside.misfit < HALF_LEFT * last.misfit:
         return found
     before, reduction.constants = reduction.constants, constants
-    other = search_effects(question, scorer.with_constants(constants))
-    end, nothing = other.path[-1], other.evidence.verdict == Verdict.NOTHING_MISSING
-    most = HALF_LEFT if nothing or not lacks_fit(end, NEARLY_RIGHT) else STILL_LEFT
-    if end.misfit < most * last.misfit:
+    other = search_effects(question, begin_search(question, scorer.with_constants(constants)))
+    if is_borne_out(last, other.path[-1], other.evidence.verdict):
         return other
     reduction.constants = before
     return found
@@ -237,7 +261,7 @@ def searched_below_floor(question: Question, found: Found) -> Found:
     if not reduction.torque_noise.told_by:
         return found
     again = Scorer(reduction.of(question.catalogue))
-    return search_effects(question, settle_constants(reduction, again))
+    return search_effects(question, begin_search(question, settle_constants(reduction, again)))
 
 
 def _answer(question: Question, found: Found, display: Display | None, started: float) -> Diagnosis:

@@ -337,6 +337,9 @@ REPORTED_ZERO_DEG = 0.1
 friction look like it, and a sensor that is clamped anew repeats no better; assumed."""
 REPORTED_SKEW_S = 4e-4
 """From here on a skew between the channels is told, s: friction that no model holds makes 0.3 ms of it."""
+MOST_FORCE_LAG_S, LEAST_FORCE_LAG_S = 0.06, 1e-3
+"""A load cell's reading is late by up to so much, s, as of a filter of 3 Hz; below the least the skew of a
+card and the tip's friction look like it; both assumed."""
 RUN_CONSTANT_RANGE = (1e-5, 0.5)
 """Between these a spread is sought: from half a thousandth of a degree to half a turn's sixth, and in N m on
 the scale of the thesis' motor; assumed."""

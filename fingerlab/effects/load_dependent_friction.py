@@ -42,8 +42,8 @@ def columns(motion: Motion, shape: Shape) -> list[Term]:
     """Teeth that slide at a share of the load.
 
     What sticks is held by one spring, whatever the load, so that it is not let go when the load rises and
-    slides over a travel in proportion to the load; or, not ``held``, by many that the load itself presses
-    together, and has its share of the load of the moment.
+    slides over a travel in proportion to the load, and may be damped beside its spring; or, not ``held``, by
+    many that the load itself presses together, and has its share of the load of the moment.
 
     The share is one of what the gears transmit: of a known load, s. Of the motor's torque, which has the loss
     in it, that is less winding in, s / (1 + s), and more paying out, s / (1 - s). On the grid s is taken for
@@ -122,10 +122,10 @@ EFFECT = Effect(
             "holds the load's size against the motion, one that sticks keeps its force when the load "
             "rises, or has its share of the load of the moment; both are tried. δ: travel, where what "
             "sticks is held at a load of 0.1 N m. v_r: speed over which it turns round, where it "
-            "rubs by the speed."
+            "rubs by the speed. t_d: damping of what sticks over its stiffness."
         ),
         source="Friction that grows with the load of a gear (Duclusaud et al. 2024).",
-        values={"share": r"\mu", "travel_deg": r"\delta", REVERSAL_SPEED: "v_r"},
+        values={"share": r"\mu", "travel_deg": r"\delta", STICK_DAMPING: "t_d", REVERSAL_SPEED: "v_r"},
         alike=("capstan_friction", "motor_coulomb_friction"),
     ),
     example=Example(

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +24,7 @@ from fingerlab.diagnosis.score.bench_constants import settle_constants
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.search.grid_refinement import fit_refined
+from fingerlab.diagnosis.search.late_force import with_force_corrected
 from fingerlab.diagnosis.settings import FULL_ITERATIONS, NARROW_RATE_HZ
 from fingerlab.diagnosis.signals.conditions import GroupKey, folds_of_runs, group_key
 from fingerlab.effects import effect
@@ -331,7 +333,10 @@ def _fit(
         reduction.restart(held)
         watch = Watch(lambda share, what: tell(0.5 * share, what))
         settle_constants(reduction, Scorer(reduction.of([], watch)))  # as for a verdict
-        scorer, whole = fit_refined(reduction, chosen, watch)
+        refined = partial(fit_refined, reduction, chosen, watch)
+        scorer, whole = refined()
+        best = [scorer.score_held_out(whole)]
+        scorer, whole = with_force_corrected(reduction, best, refined, _outcome) or (scorer, whole)
         tell(0.6, "fitting")
         nominal = scorer.fit([], scorer.fit([], whole), FULL_ITERATIONS)
         models = [_first(scorer, whole, count) for count in counts]
@@ -349,6 +354,11 @@ def _fit(
         ExtendedModel(next(extended) if t.choices else plain, plain, found, hashes, dict(held or {}), rig)
         for t, found in zip(models, parameters, strict=True)
     )
+
+
+def _outcome(found: tuple[Scorer, FittedModel]) -> tuple[FittedModel, str]:
+    scorer, fitted = found
+    return scorer.score_held_out(fitted), ""
 
 
 def _first(scorer: Scorer, whole: FittedModel, count: int) -> FittedModel:

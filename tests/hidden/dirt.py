@@ -17,6 +17,7 @@ from pathlib import Path
 
 import click
 import numpy as np
+from scipy.signal import butter, lfilter, lfilter_zi
 
 from fingerlab.diagnosis import diagnose
 from fingerlab.diagnosis.answer.results import Diagnosis
@@ -27,6 +28,7 @@ PAGE = Path(__file__).resolve().parents[2] / "docs" / "dirty-benches.md"
 SIMULATED = ("coulomb_friction", None, "joint_coupling")
 """What the simulated benches lack, one each; None: nothing."""
 SEED = 11
+CELL_CUTOFF_HZ = 10.0
 
 
 def _gain(session: Session) -> Session:
@@ -36,6 +38,19 @@ def _gain(session: Session) -> Session:
         return channels | {n: 1.015 * channels[n] for n in ("motor_current", "motor_torque") if n in channels}
 
     return with_channels(session, more)
+
+
+def _filtered(session: Session) -> Session:
+    """The load cell's amplifier has a low-pass of first order at 10 Hz."""
+    numbers = butter(1, 2.0 * CELL_CUTOFF_HZ / session.runs[0].sample_rate_hz)
+
+    def slow(channels: Channels) -> Channels:
+        if "endpoint_force" not in channels:
+            return channels
+        force = channels["endpoint_force"]
+        return channels | {"endpoint_force": lfilter(*numbers, force, zi=lfilter_zi(*numbers) * force[0])[0]}
+
+    return with_channels(session, slow)
 
 
 def _quarter(session: Session) -> Session:
@@ -51,6 +66,7 @@ WAYS: Mapping[str, Callable[[Session], Session]] = {
     "clean": lambda session: session,
     **{kind: partial(_spoilt, kind) for kind in KINDS},
     "gain": _gain,
+    "filter": _filtered,
     "rate": _quarter,
 }
 WORDS = {
@@ -62,6 +78,7 @@ WORDS = {
     "hum": "50 mA of hum on the current",
     "skew": "the MCP angle comes 1.5 ms late",
     "gain": "the current reads 1.5 % too much",
+    "filter": "the load cell's amplifier has a low-pass of first order at 10 Hz",
     "rate": "a quarter of the samples",
 }
 

@@ -243,3 +243,17 @@ def test_a_tip_that_sticks_keeps_its_force_while_it_is_pressed_harder() -> None:
     force = rubbing_force(position, limit, 1e5)
     assert force[60:170] == pytest.approx(0.5)  # it slid at 0.5 N and then stood
     assert force[-1] == pytest.approx(0.2)  # what its friction can still hold
+
+
+def test_what_sticks_is_damped_and_holds_no_more_than_its_limit() -> None:
+    """A spring of 100 N/m with a damper of 0.02 of that, s, moved at 0.1 m/s and back; it holds 5 N."""
+    time = np.arange(0.0, 2.0, 1e-3)
+    speed = np.where(time < 1.0, 0.1, -0.1)
+    position = np.concatenate(([0.0], np.cumsum(speed[:-1]) * 1e-3))
+    limit = np.full(len(time), 5.0)
+    force = rubbing_forces(position, limit, [100.0], lead=0.02 * speed)[0]
+    spring = rubbing_forces(position, limit, [100.0])[0]
+    sticks = np.abs(spring) < 4.7
+    np.testing.assert_allclose(force[sticks], (spring + 100.0 * 0.02 * speed)[sticks])
+    assert float(np.abs(force).max()) == 5.0
+    assert force[np.searchsorted(time, 0.9)] == 5.0  # 9 N of stretch would be more than it holds

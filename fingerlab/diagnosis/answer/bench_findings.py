@@ -52,6 +52,7 @@ def bench_findings(
         *_turned(reduction),
         *_moved(reduction, offsets),
         *_skew(reduction, last),
+        *_late_force(reduction),
         *_spikes(reduction),
         *_lost(reduction),
         *_repeated(reduction),
@@ -117,6 +118,20 @@ def _skew(reduction: Reduction, last: FittedModel) -> list[BenchFinding]:
         said = f"{what} {at_least}{_number(abs(late) * seconds * 1e3)} ms {after} {than}"
         found.append(BenchFinding("skew", channel, late * seconds, "s", (), said, advice))
     return found
+
+
+def _late_force(reduction: Reduction) -> list[BenchFinding]:
+    """A load cell whose reading was found to come later, or earlier, than the other channels."""
+    late = reduction.force_lag[0] * reduction.scales.of("s")
+    if not late:
+        return []
+    after = "after" if late > 0 else "before"
+    said = f"The load cell's reading comes {_number(abs(late) * 1e3)} ms {after} the motor and the joints"
+    cutoff = _number(1.0 / (2.0 * np.pi * late))
+    said += f", as behind a first-order filter of {cutoff} Hz" if late > 0 else ""
+    said += "; it is corrected for that"
+    advice = "set its amplifier to a higher cut-off, or correct its times"
+    return [BenchFinding("skew", "endpoint_force", late, "s", (), said, advice)]
 
 
 def _moved(reduction: Reduction, offsets: Sequence[Offsets]) -> list[BenchFinding]:

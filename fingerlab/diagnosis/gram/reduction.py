@@ -54,6 +54,7 @@ from fingerlab.diagnosis.signals.conditions import (
     repeated_motions,
     runs_to_analyse,
     usable,
+    with_force_corrected,
     with_interventions,
 )
 from fingerlab.diagnosis.signals.filters import Repair
@@ -78,6 +79,8 @@ class Reduction:
         constants: that every run has of its own, for what is asked now; None: none.
         settled: whether they were looked for under the bare model.
         late_torque: whether the torque of a motor alone was found to be logged later than its position.
+        force_lag: by how much the load cell's reading was found to be late, s, and the coefficient of its
+            second derivative, s^2, in reduced units; it is taken off wherever the runs are read.
         torque_noise: how much is noise of what no law of the state tells of a motor's torque.
         fixed: values that somebody holds unknowns of every model at, by key, SI.
         repairs: samples that were put right, by number of the run, how and channel; samples: that it has.
@@ -102,6 +105,7 @@ class Reduction:
         self._settled_constants: RunConstants | None = None
         self.settled = False
         self.late_torque = False
+        self.force_lag = (0.0, 0.0)
         self.torque_noise: TorqueNoise = ALL_NOISE
         self.fixed: Mapping[str, float] = {}
         self.repairs: dict[int, Mapping[Repair, int]] = {}
@@ -116,7 +120,8 @@ class Reduction:
     @cached_property
     def sessions(self) -> tuple[Session, ...]:
         """The sessions in reduced units."""
-        return with_interventions(reduced_sessions(self._given, self.scales))
+        known = with_interventions(reduced_sessions(self._given, self.scales))
+        return with_force_corrected(known, self.force_lag)
 
     @cached_property
     def pairs(self) -> list[tuple[Session, Run]]:
@@ -139,6 +144,13 @@ class Reduction:
         """Keep what was found under the bare model."""
         self.constants = self._settled_constants = constants
         self.settled = True
+
+    def correct_force(self, lag: tuple[float, float]) -> None:
+        """Read the runs anew with this lag taken off the load cell's reading."""
+        self.force_lag = lag
+        for name in ("sessions", "pairs"):
+            vars(self).pop(name, None)
+        self._forget()
 
     def resume(
         self,

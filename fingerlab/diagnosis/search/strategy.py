@@ -114,6 +114,11 @@ class Found:
     looked_at: Refined = field(default_factory=dict)
 
     @property
+    def models(self) -> list[FittedModel]:
+        """The model that the path leads to, the one as given, and those that were as near."""
+        return [self.path[-1], self.path[0], *(one for _, one in self.looked_at.values())]
+
+    @property
     def better(self) -> ExchangedModel | None:
         """The rival that the path leads to, if one is clearly better."""
         return self.rivals[0] if self.rivals and self.rivals[0].better else None
@@ -178,8 +183,26 @@ def _points(fitted: FittedModel) -> list[tuple[str, int]]:
     return [(c.effect.id, c.shape) for c in fitted.choices]
 
 
-def search_effects(question: Question, scorer: Scorer) -> Found:
-    """One effect more, then all; judged in the end under the weights of what was found last.
+@dataclass(frozen=True)
+class Begun:
+    """A search after its first step.
+
+    ``evidence`` is that on the grids, ``resolved`` that of what was looked at between their points.
+    """
+
+    scorer: Scorer
+    evidence: Evidence
+    resolved: Evidence
+    first: FirstStep
+
+    @property
+    def models(self) -> list[FittedModel]:
+        """The model that it leads to, the one as given, and those that were as near."""
+        return [self.first.end, self.first.path[0], *(one for _, one in self.first.looked_at.values())]
+
+
+def begin_search(question: Question, scorer: Scorer) -> Begun:
+    """One effect more, if any.
 
     Args:
         scorer: on the whole catalogue.
@@ -187,12 +210,22 @@ def search_effects(question: Question, scorer: Scorer) -> Found:
     Raises:
         Cancelled: the user asked for it.
     """
-    effects = scorer.reduced.layout.effects
     base = fit_effects(scorer, question.given)
     if question.given:  # whether it lacks fit decides whether the shapes of what is given are looked at again
         base = scorer.score_held_out(base)
-    evidence = judge_all(scorer, base, effects, question.stages.part(0.4, 0.7))
+    evidence = judge_all(scorer, base, scorer.reduced.layout.effects, question.stages.part(0.4, 0.7))
     resolved, first = _first_step(question, scorer, evidence)
+    return Begun(scorer, evidence, resolved, first)
+
+
+def search_effects(question: Question, begun: Begun) -> Found:
+    """All that is missing, from the first step on; judged in the end under the weights of what came last.
+
+    Raises:
+        Cancelled: the user asked for it.
+    """
+    scorer, evidence, resolved, first = begun.scorer, begun.evidence, begun.resolved, begun.first
+    effects = scorer.reduced.layout.effects
     resolved, path, looked_at = _path(question, scorer, resolved, first)
     many = _many(question, scorer, evidence, path, first)
     refined: Scorer | None

@@ -32,7 +32,7 @@ from fingerlab.diagnosis.settings import (
     USUAL_INERTIA,
     WIDE_RATE_HZ,
 )
-from fingerlab.diagnosis.signals.conditions import BENCH_CHANNELS, CHANGE, FINGER_CHANNELS
+from fingerlab.diagnosis.signals.conditions import BENCH_CHANNELS, CHANGE, FINGER_CHANNELS, FORCE_LAG
 from fingerlab.diagnosis.signals.filters import (
     REPEATED,
     SPIKE,
@@ -329,8 +329,9 @@ def _force(run: Run, samples: Mapping[str, Array], lead: int, kernels: Array, st
             f"Run {run.name} is a contact run, but 'endpoint_force' holds values that are not numbers; "
             "it needs the load cell's force in N."
         )
-    narrow = differentiate(np.nan_to_num(values), kernels[:, :1], step)
-    return at_wide_rate(narrow, run.sample_rate_hz / step)[0]
+    lag = run.attributes.get(FORCE_LAG, ())
+    narrow = differentiate(np.nan_to_num(values), kernels[:, : 1 + len(lag)], step)
+    return np.asarray((1.0, *lag) @ at_wide_rate(narrow, run.sample_rate_hz / step))
 
 
 @dataclass(frozen=True)

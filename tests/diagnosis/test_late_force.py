@@ -1,0 +1,66 @@
+"""A load cell behind a filter: its lag is found, told and taken off, and what is missing is named."""
+
+from __future__ import annotations
+
+from math import pi
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fingerlab.diagnosis import diagnose
+from fingerlab.diagnosis.answer.results import Diagnosis
+from fingerlab.diagnosis.signals.conditions import with_force_corrected
+from fingerlab.diagnosis.signals.segments import segments_of
+from fingerlab.prediction import fit_extended
+from fingerlab.sessions import Session, open_session
+from fingerlab.twin.protocols import load_preset
+from fingerlab.twin.session import write_session
+from tests.hidden.dirt import CELL_CUTOFF_HZ, WAYS
+
+from .test_no_alarm import shortened
+
+LAG_S = 1.0 / (2.0 * pi * CELL_CUTOFF_HZ)
+"""Of a filter of first order, at frequencies well below its own."""
+
+
+def recorded(path: Path, effects: dict[str, dict[str, float]], seed: int) -> Session:
+    write_session(path, load_preset(), "rich", shortened(14.0), effects, seed)
+    return open_session(path)
+
+
+def lags(found: Diagnosis) -> list[float]:
+    return [one.size for one in found.bench if one.channel == "endpoint_force"]
+
+
+def test_a_bench_that_lacks_nothing_is_told_its_filter_alone(tmp_path: Path) -> None:
+    found = diagnose([WAYS["filter"](recorded(tmp_path / "plain.h5", {}, 31))], with_curves=False)
+    assert lags(found) == pytest.approx([LAG_S], rel=0.1)
+    assert found.verdict == "nothing_missing"
+    assert found.score < 1.1
+
+
+def test_the_effect_is_named_beside_it(tmp_path: Path) -> None:
+    session = WAYS["filter"](
+        recorded(tmp_path / "rubs.h5", {"motor_coulomb_friction": {"torque": 0.006}}, 32)
+    )
+    found = diagnose([session], with_curves=False)
+    assert lags(found) == pytest.approx([LAG_S], rel=0.15)
+    assert found.final_model == ("motor_coulomb_friction",)
+    assert found.path[-1].score < 1.2
+    # A fit that is asked for the same effect takes the same lag off.
+    model = fit_extended([session], found.final_model)
+    friction = "motor_coulomb_friction.coulomb"
+    assert model.parameters[friction].value == pytest.approx(found.final_parameters[friction].value, rel=0.02)
+
+
+def test_a_corrected_reading_is_what_went_into_the_filter(tmp_path: Path) -> None:
+    """Of a filter of first order the input is its output and the time constant times its slope."""
+    clean = recorded(tmp_path / "plain.h5", {}, 33)
+    corrected = with_force_corrected([WAYS["filter"](clean)], (LAG_S, 0.0))[0]
+    for was, now in zip(clean.contact_runs(), corrected.contact_runs(), strict=True):
+        before, after = (next(segments_of(run, clean.rig)).force for run in (was, now))
+        assert before is not None
+        assert after is not None
+        moved = float(np.std(before))
+        assert float(np.std(after - before)) < 0.03 * moved
