@@ -66,7 +66,7 @@ from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.score.selection import lacks_fit
 from fingerlab.diagnosis.search.exchange import ExchangedModel, odds_of_rivals
 from fingerlab.diagnosis.search.grid_refinement import fit_refined
-from fingerlab.diagnosis.search.late_force import is_borne_out, with_force_corrected
+from fingerlab.diagnosis.search.load_cell import is_borne_out, with_force_corrected
 from fingerlab.diagnosis.search.next_effect import at_edges, fitted_to_the_end
 from fingerlab.diagnosis.search.strategy import Found, Question, Stages, begin_search, search_effects
 from fingerlab.diagnosis.settings import (

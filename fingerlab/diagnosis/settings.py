@@ -340,6 +340,12 @@ REPORTED_SKEW_S = 4e-4
 MOST_FORCE_LAG_S, LEAST_FORCE_LAG_S = 0.06, 1e-3
 """A load cell's reading is late by up to so much, s, as of a filter of 3 Hz; below the least the skew of a
 card and the tip's friction look like it; both assumed."""
+LEAST_FORCE_ZERO, ZERO_SPREADS = 0.02, 5.0
+"""What a load cell reads with nothing on it is taken off from this share of its readings in contact on, twice
+what its span may be off by (FC2231 data sheet), and so many times what it scatters by; assumed."""
+MOST_FORCE_ZERO_N = 2.0
+"""Where it was never read without a load, it is sought up to here on the scale of the thesis' finger, N: four
+per cent of the cell's span; assumed."""
 RUN_CONSTANT_RANGE = (1e-5, 0.5)
 """Between these a spread is sought: from half a thousandth of a degree to half a turn's sixth, and in N m on
 the scale of the thesis' motor; assumed."""

@@ -39,6 +39,7 @@ from fingerlab.diagnosis.equations.features import (
 from fingerlab.diagnosis.gram.decimation import counted
 from fingerlab.diagnosis.settings import LIFTED_M, SLIP_STIFFNESSES
 from fingerlab.diagnosis.signals.filters import decimate
+from fingerlab.diagnosis.signals.load_cell import zero_in_the_air
 from fingerlab.diagnosis.signals.scales import SI, Scales, reduced_rig, reduced_run
 from fingerlab.diagnosis.signals.segments import segments_of
 from fingerlab.effects.base import Effect, Row
@@ -84,9 +85,13 @@ def contact_stretches(session: Session, run: Run, scales: Scales = SI) -> Iterat
     """
     if session.rig.finger is None:
         raise UserError(f"{session.path} gives no finger constants; its rig text needs 'finger'.")
+    zero = zero_in_the_air(session.runs) or 0.0
     cell = run.has("endpoint_force") and bool(np.all(np.isfinite(run.channel("endpoint_force"))))
     run, rig = reduced_run(run, scales), reduced_rig(session.rig, scales)
-    measured = [_narrowed(m, m.force) for m in segments_of(run, rig) if m.force is not None] if cell else []
+    zero /= scales.of("N")
+    measured = (
+        [_narrowed(m, m.force - zero) for m in segments_of(run, rig) if m.force is not None] if cell else []
+    )
     # Read as free motion, so that what the load cell says cannot enter the prediction.
     for number, motion in enumerate(segments_of(replace(run, phase="on_air"), rig)):
         time = _narrowed(motion, motion.time)

@@ -24,7 +24,7 @@ from fingerlab.diagnosis.score.bench_constants import settle_constants
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.search.grid_refinement import fit_refined
-from fingerlab.diagnosis.search.late_force import with_force_corrected
+from fingerlab.diagnosis.search.load_cell import with_force_corrected
 from fingerlab.diagnosis.settings import FULL_ITERATIONS, NARROW_RATE_HZ
 from fingerlab.diagnosis.signals.conditions import GroupKey, folds_of_runs, group_key
 from fingerlab.effects import effect
@@ -335,8 +335,8 @@ def _fit(
         settle_constants(reduction, Scorer(reduction.of([], watch)))  # as for a verdict
         refined = partial(fit_refined, reduction, chosen, watch)
         scorer, whole = refined()
-        best = [scorer.score_held_out(whole)]
-        scorer, whole = with_force_corrected(reduction, best, refined, _outcome) or (scorer, whole)
+        models = [scorer.score_held_out(one) for one in (whole, scorer.fit([], whole))]
+        scorer, whole = with_force_corrected(reduction, models, refined, _outcome) or (scorer, whole)
         tell(0.6, "fitting")
         nominal = scorer.fit([], scorer.fit([], whole), FULL_ITERATIONS)
         models = [_first(scorer, whole, count) for count in counts]

@@ -52,7 +52,7 @@ def bench_findings(
         *_turned(reduction),
         *_moved(reduction, offsets),
         *_skew(reduction, last),
-        *_late_force(reduction),
+        *_load_cell(reduction),
         *_spikes(reduction),
         *_lost(reduction),
         *_repeated(reduction),
@@ -120,18 +120,24 @@ def _skew(reduction: Reduction, last: FittedModel) -> list[BenchFinding]:
     return found
 
 
-def _late_force(reduction: Reduction) -> list[BenchFinding]:
-    """A load cell whose reading was found to come later, or earlier, than the other channels."""
-    late = reduction.force_lag[0] * reduction.scales.of("s")
-    if not late:
-        return []
-    after = "after" if late > 0 else "before"
-    said = f"The load cell's reading comes {_number(abs(late) * 1e3)} ms {after} the motor and the joints"
-    cutoff = _number(1.0 / (2.0 * np.pi * late))
-    said += f", as behind a first-order filter of {cutoff} Hz" if late > 0 else ""
-    said += "; it is corrected for that"
-    advice = "set its amplifier to a higher cut-off, or correct its times"
-    return [BenchFinding("skew", "endpoint_force", late, "s", (), said, advice)]
+def _load_cell(reduction: Reduction) -> list[BenchFinding]:
+    """A load cell that was found to read something with nothing on it, or late."""
+    newton, seconds, error = reduction.scales.of("N"), reduction.scales.of("s"), reduction.force_error
+    found, late, zero = [], error.lag * seconds, error.zero * newton
+    if zero:
+        unloaded = "in free motion" if reduction.zero_in_the_air else "by what the joints say in contact,"
+        said = f"The load cell reads {_number(zero)} N with nothing on it {unloaded}; that is taken off"
+        advice = "set its zero before the runs, with the finger clear of it"
+        found.append(BenchFinding("zero", "endpoint_force", zero, "N", (), said, advice))
+    if late:
+        after = "after" if late > 0 else "before"
+        said = f"The load cell's reading comes {_number(abs(late) * 1e3)} ms {after} the motor and the joints"
+        cutoff = _number(1.0 / (2.0 * np.pi * late))
+        said += f", as behind a first-order filter of {cutoff} Hz" if late > 0 else ""
+        said += "; it is corrected for that"
+        advice = "set its amplifier to a higher cut-off, or correct its times"
+        found.append(BenchFinding("skew", "endpoint_force", late, "s", (), said, advice))
+    return found
 
 
 def _moved(reduction: Reduction, offsets: Sequence[Offsets]) -> list[BenchFinding]:

@@ -126,6 +126,7 @@ class HeldOutRuns:
 
 FINDINGS = {
     "moving_zero": "sensor_zero",
+    "zero": "sensor_zero",
     "spikes": "outliers",
     "lost_samples": "gaps",
     "held": "gaps",
@@ -142,7 +143,7 @@ class BenchFinding:
     """What the recordings say of the bench itself, which is no matter of physics.
 
     Attributes:
-        kind: "moving_zero", "spikes", "lost_samples", "uneven_times", "held", "skew", "turned",
+        kind: "moving_zero", "zero", "spikes", "lost_samples", "uneven_times", "held", "skew", "turned",
             "missing_channel".
         channel: that it is about. size: how much of it, in ``unit``. runs: that show it.
         sentence: what was found. advice: what to do about it; both without a full stop.

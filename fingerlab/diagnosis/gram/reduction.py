@@ -54,10 +54,10 @@ from fingerlab.diagnosis.signals.conditions import (
     repeated_motions,
     runs_to_analyse,
     usable,
-    with_force_corrected,
     with_interventions,
 )
 from fingerlab.diagnosis.signals.filters import Repair
+from fingerlab.diagnosis.signals.load_cell import ForceError, with_force_corrected, zero_in_the_air
 from fingerlab.diagnosis.signals.scales import Scales, as_recorded, find_scales, reduced_sessions
 from fingerlab.diagnosis.signals.segments import ChannelSigns, check_senses, is_fragmented, segments_of
 from fingerlab.effects.base import Effect, Shape
@@ -79,8 +79,7 @@ class Reduction:
         constants: that every run has of its own, for what is asked now; None: none.
         settled: whether they were looked for under the bare model.
         late_torque: whether the torque of a motor alone was found to be logged later than its position.
-        force_lag: by how much the load cell's reading was found to be late, s, and the coefficient of its
-            second derivative, s^2, in reduced units; it is taken off wherever the runs are read.
+        force_settled: whether an error of the load cell beyond its zero in the air was tried, as it is once.
         torque_noise: how much is noise of what no law of the state tells of a motor's torque.
         fixed: values that somebody holds unknowns of every model at, by key, SI.
         repairs: samples that were put right, by number of the run, how and channel; samples: that it has.
@@ -105,7 +104,8 @@ class Reduction:
         self._settled_constants: RunConstants | None = None
         self.settled = False
         self.late_torque = False
-        self.force_lag = (0.0, 0.0)
+        self._force_error: ForceError | None = None
+        self.force_settled = False
         self.torque_noise: TorqueNoise = ALL_NOISE
         self.fixed: Mapping[str, float] = {}
         self.repairs: dict[int, Mapping[Repair, int]] = {}
@@ -120,8 +120,21 @@ class Reduction:
     @cached_property
     def sessions(self) -> tuple[Session, ...]:
         """The sessions in reduced units."""
-        known = with_interventions(reduced_sessions(self._given, self.scales))
-        return with_force_corrected(known, self.force_lag)
+        return with_force_corrected(self._as_read, self.force_error)
+
+    @cached_property
+    def _as_read(self) -> tuple[Session, ...]:
+        return with_interventions(reduced_sessions(self._given, self.scales))
+
+    @cached_property
+    def zero_in_the_air(self) -> float | None:
+        """What the load cell reads where nothing touches it, in reduced units; None: no run tells."""
+        return zero_in_the_air([run for session in self._as_read for run in session.runs])
+
+    @property
+    def force_error(self) -> ForceError:
+        """What was found of the load cell's reading, in reduced units; taken off wherever runs are read."""
+        return self._force_error or ForceError(self.zero_in_the_air or 0.0)
 
     @cached_property
     def pairs(self) -> list[tuple[Session, Run]]:
@@ -145,9 +158,9 @@ class Reduction:
         self.constants = self._settled_constants = constants
         self.settled = True
 
-    def correct_force(self, lag: tuple[float, float]) -> None:
-        """Read the runs anew with this lag taken off the load cell's reading."""
-        self.force_lag = lag
+    def correct_force(self, error: ForceError) -> None:
+        """Read the runs anew with this error taken off the load cell's reading."""
+        self._force_error = error
         for name in ("sessions", "pairs"):
             vars(self).pop(name, None)
         self._forget()

@@ -115,8 +115,8 @@ class Found:
 
     @property
     def models(self) -> list[FittedModel]:
-        """The model that the path leads to, the one as given, and those that were as near."""
-        return [self.path[-1], self.path[0], *(one for _, one in self.looked_at.values())]
+        """The model that the path leads to, those that were as near, and the one as given."""
+        return [self.path[-1], *(one for _, one in self.looked_at.values()), self.path[0]]
 
     @property
     def better(self) -> ExchangedModel | None:
@@ -197,8 +197,8 @@ class Begun:
 
     @property
     def models(self) -> list[FittedModel]:
-        """The model that it leads to, the one as given, and those that were as near."""
-        return [self.first.end, self.first.path[0], *(one for _, one in self.first.looked_at.values())]
+        """The model that it leads to, those that were as near, and the one as given."""
+        return [self.first.end, *(one for _, one in self.first.looked_at.values()), self.first.path[0]]
 
 
 def begin_search(question: Question, scorer: Scorer) -> Begun:

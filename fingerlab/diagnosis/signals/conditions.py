@@ -78,21 +78,6 @@ def _same_change(one: Run, other: Run) -> bool:
     return mine == theirs
 
 
-FORCE_LAG = "force_lag"
-"""Attribute of a run: what its load cell's reading lacks, in parts of its derivatives, s and s^2."""
-
-
-def with_force_corrected(sessions: Sequence[Session], lag: tuple[float, float]) -> tuple[Session, ...]:
-    """The sessions, with a lag of the load cell's reading (s, s^2) told to their runs."""
-    if not any(lag):
-        return tuple(sessions)
-
-    def told(run: Run) -> Run:
-        return replace(run, attributes={**run.attributes, FORCE_LAG: lag})
-
-    return tuple(replace(s, runs=tuple(map(told, s.runs))) for s in sessions)
-
-
 def with_interventions(sessions: Sequence[Session]) -> tuple[Session, ...]:
     """The sessions; where a run was taken with a known change of the machine, all finger runs tell of theirs.
 

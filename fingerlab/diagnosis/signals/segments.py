@@ -32,7 +32,7 @@ from fingerlab.diagnosis.settings import (
     USUAL_INERTIA,
     WIDE_RATE_HZ,
 )
-from fingerlab.diagnosis.signals.conditions import BENCH_CHANNELS, CHANGE, FINGER_CHANNELS, FORCE_LAG
+from fingerlab.diagnosis.signals.conditions import BENCH_CHANNELS, CHANGE, FINGER_CHANNELS
 from fingerlab.diagnosis.signals.filters import (
     REPEATED,
     SPIKE,
@@ -50,6 +50,7 @@ from fingerlab.diagnosis.signals.filters import (
     usual_wait,
     without_spikes,
 )
+from fingerlab.diagnosis.signals.load_cell import FORCE_ERROR, ForceError
 from fingerlab.diagnosis.signals.scales import LEAST_SECONDS, as_recorded, reduced_change, scales_of
 from fingerlab.physics.motion import Motion
 from fingerlab.physics.nominal import JointMotion
@@ -329,9 +330,10 @@ def _force(run: Run, samples: Mapping[str, Array], lead: int, kernels: Array, st
             f"Run {run.name} is a contact run, but 'endpoint_force' holds values that are not numbers; "
             "it needs the load cell's force in N."
         )
-    lag = run.attributes.get(FORCE_LAG, ())
-    narrow = differentiate(np.nan_to_num(values), kernels[:, : 1 + len(lag)], step)
-    return np.asarray((1.0, *lag) @ at_wide_rate(narrow, run.sample_rate_hz / step))
+    error: ForceError = run.attributes.get(FORCE_ERROR, ForceError())
+    late = (error.lag, error.lag_square) if error.lag else ()
+    narrow = differentiate(np.nan_to_num(values), kernels[:, : 1 + len(late)], step)
+    return np.asarray((1.0, *late) @ at_wide_rate(narrow, run.sample_rate_hz / step) - error.zero)
 
 
 @dataclass(frozen=True)
