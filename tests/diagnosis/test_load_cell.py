@@ -1,7 +1,8 @@
-"""A load cell behind a filter: its lag is found, told and taken off, and what is missing is named."""
+"""A load cell behind a filter, or not at zero: found, told and taken off, and what is missing is named."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import pi
 from pathlib import Path
 
@@ -13,10 +14,10 @@ from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.diagnosis.signals.load_cell import ForceError, with_force_corrected
 from fingerlab.diagnosis.signals.segments import segments_of
 from fingerlab.prediction import fit_extended
-from fingerlab.sessions import Session, open_session
+from fingerlab.sessions import Run, Session, open_session
 from fingerlab.twin.protocols import load_preset
 from fingerlab.twin.session import write_session
-from tests.hidden.dirt import CELL_CUTOFF_HZ, WAYS
+from tests.hidden.dirt import CELL_CUTOFF_HZ, CELL_ZERO_N, WAYS
 
 from .test_no_alarm import shortened
 
@@ -38,6 +39,22 @@ def test_a_bench_that_lacks_nothing_is_told_its_filter_alone(tmp_path: Path) -> 
     assert lags(found) == pytest.approx([LAG_S], rel=0.1)
     assert found.verdict == "nothing_missing"
     assert found.score < 1.1
+
+
+def test_a_zero_is_read_in_the_air_or_found_in_contact(tmp_path: Path) -> None:
+    """Of 0.3 N; where free runs hold no reading it is told by what the joints say."""
+    session = WAYS["tare"](recorded(tmp_path / "plain.h5", {}, 34))
+
+    def without(run: Run) -> Run:
+        units = {name: unit for name, unit in run.units.items() if name != "endpoint_force"}
+        return run if run.phase == "contact" else replace(run, units=units)
+
+    blind = replace(session, runs=tuple(map(without, session.runs)))
+    for one in (session, blind):
+        found = diagnose([one], with_curves=False)
+        assert found.verdict == "nothing_missing"
+        zeros = [b.size for b in found.bench if (b.kind, b.channel) == ("zero", "endpoint_force")]
+        assert zeros == pytest.approx([CELL_ZERO_N], rel=0.1)
 
 
 def test_the_effect_is_named_beside_it(tmp_path: Path) -> None:

@@ -29,6 +29,7 @@ SIMULATED = ("coulomb_friction", None, "joint_coupling")
 """What the simulated benches lack, one each; None: nothing."""
 SEED = 11
 CELL_CUTOFF_HZ = 10.0
+CELL_ZERO_N = 0.3
 
 
 def _gain(session: Session) -> Session:
@@ -53,6 +54,16 @@ def _filtered(session: Session) -> Session:
     return with_channels(session, slow)
 
 
+def _not_at_zero(session: Session) -> Session:
+    """Nobody set the load cell to zero."""
+
+    def more(channels: Channels) -> Channels:
+        force = "endpoint_force"
+        return channels | {force: channels[force] + CELL_ZERO_N} if force in channels else channels
+
+    return with_channels(session, more)
+
+
 def _quarter(session: Session) -> Session:
     """One of four samples, as a slower converter takes them."""
     return decimated(session, 4)
@@ -67,6 +78,7 @@ WAYS: Mapping[str, Callable[[Session], Session]] = {
     **{kind: partial(_spoilt, kind) for kind in KINDS},
     "gain": _gain,
     "filter": _filtered,
+    "tare": _not_at_zero,
     "rate": _quarter,
 }
 WORDS = {
@@ -79,6 +91,7 @@ WORDS = {
     "skew": "the MCP angle comes 1.5 ms late",
     "gain": "the current reads 1.5 % too much",
     "filter": "the load cell's amplifier has a low-pass of first order at 10 Hz",
+    "tare": "the load cell reads 0.3 N with nothing on it",
     "rate": "a quarter of the samples",
 }
 
