@@ -343,6 +343,8 @@ card and the tip's friction look like it; both assumed."""
 LEAST_FORCE_ZERO, ZERO_SPREADS = 0.02, 5.0
 """What a load cell reads with nothing on it is taken off from this share of its readings in contact on, twice
 what its span may be off by (FC2231 data sheet), and so many times what it scatters by; assumed."""
+FORCE_ZERO_RUNS = 6
+"""Runs of either kind that are looked at for it, evenly among all: enough for their scatter."""
 MOST_FORCE_ZERO_N = 2.0
 """Where it was never read without a load, it is sought up to here on the scale of the thesis' finger, N: four
 per cent of the cell's span; assumed."""

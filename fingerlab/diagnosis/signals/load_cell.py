@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fingerlab.diagnosis.settings import FIRST_LOOK_S, LEAST_FORCE_ZERO, MOST_LOOKED_AT, ZERO_SPREADS
+from fingerlab.diagnosis.settings import FIRST_LOOK_S, FORCE_ZERO_RUNS, LEAST_FORCE_ZERO, ZERO_SPREADS
 from fingerlab.sessions.model import Run, Session
 
 FORCE_ERROR = "force_error"
@@ -53,7 +53,7 @@ def _means(runs: Sequence[Run]) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
     """Median reading of some of the runs, evenly among them; without those that hold none."""
     read = [run for run in runs if run.has("endpoint_force")]
     found = []
-    for run in read[:: -(-len(read) // MOST_LOOKED_AT) or 1]:
+    for run in read[:: -(-len(read) // FORCE_ZERO_RUNS) or 1]:
         samples = run.load(["endpoint_force"], 0, int(FIRST_LOOK_S * run.sample_rate_hz))["endpoint_force"]
         samples = samples[np.isfinite(samples)]
         found += [float(np.median(samples))] if len(samples) else []
