@@ -160,14 +160,14 @@ def _moved(reduction: Reduction, offsets: Sequence[Offsets]) -> list[BenchFindin
         return []
     result = []
     for source, channel in enumerate(SOURCES):
-        unit = "N m" if channel == "motor_torque" else "rad"
+        unit = {"motor_torque": "N m", "endpoint_force": "N"}.get(channel, "rad")
         scale = reduction.scales.of(unit)
         zeros = scale * np.concatenate([one.sources[:, source] for one in offsets])
         unsure = scale * np.concatenate([one.spreads[:, source] for one in offsets])
         away = np.concatenate([zeros[mine] - zeros[mine].mean() for mine in repeats])
         every = [k for mine in repeats for k in mine]
         spread = float(np.sqrt(np.sum(away**2) / (len(away) - len(repeats))))
-        least = 0.0 if unit == "N m" else np.radians(REPORTED_ZERO_DEG)
+        least = np.radians(REPORTED_ZERO_DEG) if unit == "rad" else 0.0
         if not spread > max(REPORTED_OFFSET * float(np.sqrt(np.mean(unsure[every] ** 2))), least):
             continue
         worst = int(np.argmax(np.abs(away)))
@@ -189,6 +189,12 @@ def _moved_words(channel: str, spread: float, most: float, run: str, ampere: flo
             f"The zero of the motor's torque moves from run to run by {_torque(spread)}{current}, "
             f"at most by {_torque(most)} in run {run}",
             "let the amplifier warm up, or set its zero at rest before each run",
+        )
+    if channel == "endpoint_force":
+        return (
+            f"The load cell's zero moves from run to run by {_number(spread)} N, "
+            f"at most by {_number(most)} N in run {run}",
+            "set it to zero before each run, with the finger clear of it",
         )
     degrees = np.degrees(1.0)
     return (

@@ -24,9 +24,9 @@ from fingerlab.effects.base import Row
 from fingerlab.rig.file import Rig
 from fingerlab.sessions.model import CABLE_NAMES, Array
 
-SOURCES = ("mcp_angle", "pip_angle", "motor_torque", "motor_position")
-"""Channels whose zero may be another one in every run; rad, rad, N m, rad."""
-KINDS = ((0, 1), (2,), (3,))
+SOURCES = ("mcp_angle", "pip_angle", "motor_torque", "motor_position", "endpoint_force")
+"""Channels whose zero may be another one in every run; rad, rad, N m, rad, N."""
+KINDS = ((0, 1), (2,), (3,), (4,))
 """Sources that scatter alike: whoever clamps one joint's sensor anew does so with the other."""
 
 
@@ -88,8 +88,8 @@ class RunConstants:
     """How far the zeros scatter from run to run, and what one unit of each adds to the equations.
 
     Attributes:
-        spreads: one standard deviation of each source, (4,); zero: it does not move.
-        shares: residual of the equations for each unit of each source, (5, 4) over ``Row``, by group.
+        spreads: one standard deviation of each source, (5,); zero: it does not move.
+        shares: residual of the equations for each unit of each source, (5, 5) over ``Row``, by group.
         by_averages: found, for want of repeated runs, by what a model misses on the averages of runs.
     """
 
@@ -103,19 +103,19 @@ class RunConstants:
         return self.spreads.tobytes(), *(share.tobytes() for _, share in sorted(self.shares.items()))
 
     def scaled(self, key: GroupKey) -> Array:
-        """What one standard deviation of each source adds to the equations of a group, (5, 4)."""
+        """What one standard deviation of each source adds to the equations of a group, (5, 5)."""
         return np.asarray(self.shares[key] * self.spreads)
 
     def pull(
         self, key: GroupKey, totals: Sequence[RunTotals], pick: FeatureSet, weights: EquationWeights
     ) -> Array:
-        """Weighted products of features with one standard deviation of each source, (runs, k, 4)."""
+        """Weighted products of features with one standard deviation of each source, (runs, k, 5)."""
         return np.asarray(with_constants(totals, pick, weights) @ self.scaled(key))
 
     def posterior_covariance(
         self, key: GroupKey, totals: Sequence[RunTotals], weights: EquationWeights
     ) -> Array:
-        """Posterior covariance of the sources in units of their standard deviations, (runs, 4, 4)."""
+        """Posterior covariance of the sources in units of their standard deviations, (runs, 5, 5)."""
         share = self.scaled(key)
         information = share.T @ of_constants(totals, weights) @ share
         return np.asarray(np.linalg.inv(np.eye(len(SOURCES)) + information))
@@ -127,7 +127,7 @@ class Offsets:
 
     Attributes:
         numbers: of the runs.
-        sources: by how much each channel reads too high, (runs, 4); SI. spreads: one standard deviation.
+        sources: by how much each channel reads too high, (runs, 5); SI. spreads: one standard deviation.
         rows: what that adds to the equations' residuals, (runs, 5).
     """
 
@@ -177,7 +177,7 @@ def schur_complement(left: Array, posterior_covariance: Array, right: Array) -> 
     """What the constants of all runs take up of weighted products of features, (k, n).
 
     Args:
-        left, right: of the features with the sources, (runs, k, 4) and (runs, n, 4).
+        left, right: of the features with the sources, (runs, k, 5) and (runs, n, 5).
     """
     runs, size, sources = left.shape
     flat = (left @ posterior_covariance).transpose(1, 0, 2).reshape(size, runs * sources)
@@ -214,13 +214,18 @@ def of_constants(totals: Sequence[RunTotals], weights: EquationWeights) -> Array
 
 
 def share_of_equations(
-    cable_sign: int, in_finger: bool, radius: float, values: Mapping[str, float], rig: Rig
+    cable_sign: int,
+    in_finger: bool,
+    radius: float,
+    values: Mapping[str, float],
+    rig: Rig,
+    levers: tuple[float, float] = (0.0, 0.0),
 ) -> Array:
-    """What one unit of each source adds to the equations of a group's runs, (5, 4).
+    """What one unit of each source adds to the equations of a group's runs, (5, 5).
 
     Args:
         in_finger: whether it is no run of the motor alone. radius: of the pulley, m. values: hold the
-            moment arms, m, by key.
+            moment arms, m, by key. levers: of the force at the tip about MCP and PIP, m; 0 in free motion.
     """
     share = np.zeros((len(Row), len(SOURCES)))
     if not in_finger or rig.finger is None:
@@ -231,7 +236,7 @@ def share_of_equations(
     for joint, row in enumerate((Row.MCP, Row.PIP)):
         arm = cable_sign * values[f"{('arm_mcp', 'arm_pip')[joint]}@{cable}"]
         share[row, joint], share[Row.CABLE, joint] = -springs[joint] / arm, -arm
-        share[row, 2] = 1.0 / radius
+        share[row, 2], share[row, 4] = 1.0 / radius, -levers[joint] / arm
     share[Row.CABLE, 2] = -values.get("cable_compliance", 0.0) / radius
     share[Row.CABLE, 3] = radius
     return share

@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from fingerlab.diagnosis.equations.features import FORCE, Layout
 from fingerlab.diagnosis.equations.model import Choice, Model
 from fingerlab.diagnosis.equations.parameters import TORQUE_LAG
 from fingerlab.diagnosis.fit.data import Weights
@@ -47,6 +48,7 @@ from fingerlab.diagnosis.settings import (
 )
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
 from fingerlab.effects import CATALOGUE
+from fingerlab.effects.base import Row
 from fingerlab.rig.file import Rig
 from fingerlab.sessions.model import Array, Run
 
@@ -140,7 +142,7 @@ def likeliest_constants(
 class Contrasts:
     """Differences between repeated runs: what each says of the sources.
 
-    ``pull`` (n, 4) is the gradient of the log density at no constant, ``information`` (n, 4, 4) minus its
+    ``pull`` (n, 5) is the gradient of the log density at no constant, ``information`` (n, 5, 5) minus its
     curvature. ``values`` are the independent values of the runs behind them.
     """
 
@@ -154,7 +156,7 @@ class Contrasts:
         return float(0.5 * np.einsum("ri,rij,rj->", self.pull, inverse, self.pull))
 
     def log_density(self, spreads: Array) -> float:
-        """Of the differences, against that with no constants of the runs; ``spreads`` (4,)."""
+        """Of the differences, against that with no constants of the runs; ``spreads`` (5,)."""
         pull = self.pull * spreads
         matrix = np.eye(len(spreads)) + self.information * np.outer(spreads, spreads)
         explained = np.einsum("ri,ri->", pull, np.linalg.solve(matrix, pull[:, :, None])[:, :, 0])
@@ -176,7 +178,9 @@ def find_constants(
     """
     known = dict(zip(model.index, map(float, values), strict=True))
     shares = {
-        g.key: share_of_equations(g.cable_sign, not g.on_bench, reduced.radius, known, rig)
+        g.key: share_of_equations(
+            g.cable_sign, not g.on_bench, reduced.radius, known, rig, _levers(reduced.layout, g)
+        )
         for g in reduced.groups
     }
     found = [_contrasts(model, values, g, weights[g.key], shares[g.key], motions) for g in reduced.groups]
@@ -193,6 +197,20 @@ def find_constants(
     )
     spreads = _likeliest(contrasts)
     return RunConstants(spreads, shares, any(lone)) if spreads.any() else None
+
+
+def _levers(layout: Layout, group: Group) -> tuple[float, float]:
+    """Levers (m) of the force at the tip about MCP and PIP, on its average; 0 in free motion."""
+    if not group.in_contact:
+        return 0.0, 0.0
+    sums = sum(t.values[0] for t in group.run_totals)
+    force = next(i for i in layout.base if layout.features[i] == FORCE)
+    parts = {f.row: i for i, f in layout.base_features if f.parameter == "force_gain"}
+    pressed = float(sums[layout.signals[force]])
+    if not pressed > 0.0:
+        return 0.0, 0.0
+    mcp, pip = (float(sums[layout.signals[parts[row]]]) / pressed for row in (Row.MCP, Row.PIP))
+    return mcp, pip
 
 
 def _contrasts(
@@ -238,7 +256,7 @@ def _helmert(count: int) -> Array:
 
 
 def _likeliest(contrasts: Contrasts) -> Array:
-    """Spreads of greatest likelihood, (4,), each kind of channel with one; zero where it hardly matters.
+    """Spreads of greatest likelihood, (5,), each kind of channel with one; zero where it hardly matters.
 
     One kind after the other on a grid. A kind stays only if the others cannot take its place.
     """
