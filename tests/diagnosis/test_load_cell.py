@@ -17,7 +17,7 @@ from fingerlab.prediction import fit_extended
 from fingerlab.sessions import Run, Session, open_session
 from fingerlab.twin.protocols import load_preset
 from fingerlab.twin.session import write_session
-from tests.hidden.dirt import CELL_CUTOFF_HZ, CELL_ZERO_N, WAYS
+from tests.hidden.dirt import CELL_CUTOFF_HZ, CELL_MOVES_N, CELL_ZERO_N, WAYS
 
 from .test_no_alarm import shortened
 
@@ -55,6 +55,18 @@ def test_a_zero_is_read_in_the_air_or_found_in_contact(tmp_path: Path) -> None:
         assert found.verdict == "nothing_missing"
         zeros = [b.size for b in found.bench if (b.kind, b.channel) == ("zero", "endpoint_force")]
         assert zeros == pytest.approx([CELL_ZERO_N], rel=0.1)
+
+
+def test_a_zero_that_moves_from_run_to_run_is_the_load_cells(tmp_path: Path) -> None:
+    """By 0.1 N; no sensor of an angle, and no torque, is said to move."""
+    session = recorded(tmp_path / "plain.h5", {}, 35)
+    found = diagnose([WAYS["cell"](session)], with_curves=False)
+    assert found.verdict == "nothing_missing"
+    assert found.score < 1.15
+    moved = {b.channel: b.size for b in found.bench if b.kind == "moving_zero"}
+    assert moved.keys() == {"endpoint_force"}
+    # Four runs in contact tell a spread within a factor of two.
+    assert 0.5 < moved["endpoint_force"] / CELL_MOVES_N < 2.0
 
 
 def test_the_effect_is_named_beside_it(tmp_path: Path) -> None:

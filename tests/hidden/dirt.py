@@ -30,6 +30,7 @@ SIMULATED = ("coulomb_friction", None, "joint_coupling")
 SEED = 11
 CELL_CUTOFF_HZ = 10.0
 CELL_ZERO_N = 0.3
+CELL_MOVES_N = 0.1
 
 
 def _gain(session: Session) -> Session:
@@ -64,6 +65,17 @@ def _not_at_zero(session: Session) -> Session:
     return with_channels(session, more)
 
 
+def _cell_moves(session: Session) -> Session:
+    """The load cell's zero is another one in each run."""
+    rng = np.random.default_rng(SEED)
+
+    def moved(channels: Channels) -> Channels:
+        force, zero = "endpoint_force", rng.normal(0.0, CELL_MOVES_N)
+        return channels | {force: channels[force] + zero} if force in channels else channels
+
+    return with_channels(session, moved)
+
+
 def _quarter(session: Session) -> Session:
     """One of four samples, as a slower converter takes them."""
     return decimated(session, 4)
@@ -79,6 +91,7 @@ WAYS: Mapping[str, Callable[[Session], Session]] = {
     "gain": _gain,
     "filter": _filtered,
     "tare": _not_at_zero,
+    "cell": _cell_moves,
     "rate": _quarter,
 }
 WORDS = {
@@ -92,6 +105,7 @@ WORDS = {
     "gain": "the current reads 1.5 % too much",
     "filter": "the load cell's amplifier has a low-pass of first order at 10 Hz",
     "tare": "the load cell reads 0.3 N with nothing on it",
+    "cell": "the load cell's zero moves by 0.1 N from run to run",
     "rate": "a quarter of the samples",
 }
 
