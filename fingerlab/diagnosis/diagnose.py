@@ -70,6 +70,7 @@ from fingerlab.diagnosis.search.load_cell import is_borne_out, with_force_correc
 from fingerlab.diagnosis.search.next_effect import at_edges, fitted_to_the_end
 from fingerlab.diagnosis.search.strategy import Found, Question, Stages, begin_search, search_effects
 from fingerlab.diagnosis.settings import (
+    FAR_LEFT,
     FULL_ITERATIONS,
     HALF_LEFT,
     NEARLY_RIGHT,
@@ -264,6 +265,17 @@ def searched_below_floor(question: Question, found: Found) -> Found:
     return search_effects(question, begin_search(question, settle_constants(reduction, again)))
 
 
+def _ruled_out(found: Found) -> tuple[str, ...]:
+    """Effects that leave far more than a law that is nearly right, where the one found leaves little.
+
+    Not those that were looked at as closely: on its grid a law may leave more than between its points.
+    """
+    if len(found.path) != 2 or found.better is not None or lacks_fit(found.path[-1], NEARLY_RIGHT):
+        return ()
+    far = (c.last_effect.id for c in found.evidence.candidates if lacks_fit(c, FAR_LEFT))
+    return tuple(name for name in far if name not in found.looked_at)
+
+
 def _answer(question: Question, found: Found, display: Display | None, started: float) -> Diagnosis:
     """The answer, as it is given to others."""
     scorer, evidence, path = found.scorer, found.evidence, found.path
@@ -271,8 +283,9 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
     sessions, errors = question.reduction.sessions, _errors(scorer, evidence.base)
     runs = [run for session in sessions for run in session.runs]
     usual = session_features(runs, errors.values(), evidence.base.score, path[-1].score)
-    probabilities, calibration = calibrated(evidence.odds, verdict, *usual)
-    probability = dict(zip(evidence.odds.answers, map(float, probabilities), strict=True))
+    odds = replace(evidence.odds, ruled_out=_ruled_out(found))
+    probabilities, calibration = calibrated(odds, verdict, *usual)
+    probability = dict(zip(odds.answers, map(float, probabilities), strict=True))
     looked_at = [one for _, one in found.looked_at.values()]
     stuck = at_edges(scorer, evidence, [*looked_at, *path[1:2]] if len(path) == 2 else ())
     chosen = cannot_be_ruled_out(evidence, calibration, probability)
@@ -328,7 +341,7 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
         partly_repeats=any(group.repeats and not group.bounded for group in scorer.reduced.groups),
         floor_from=scorer.reduced.floor_from,
         calibration=calibration,
-        odds=evidence.odds,
+        odds=odds,
         predicted=None if following is None else following.predicted,
         paired=_paired(question.reduction, scorer, evidence, chosen),
         held=dict(reduction.fixed),

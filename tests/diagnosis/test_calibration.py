@@ -137,6 +137,8 @@ def test_the_set_holds_what_lies_within_the_bound_of_its_kind() -> None:
     answers = (*EFFECTS, NOTHING, UNKNOWN)
     told = 0.09 * np.exp([0.0, -1.1, -3.9, -0.1, -0.4])
     assert by_kind.conformal_set(VERDICT, answers, told) == ("coulomb_friction", UNKNOWN, "cable_stretch")
+    left = ("cable_stretch",)  # what leaves too much is out, whatever the bound of its kind
+    assert by_kind.conformal_set(VERDICT, answers, told, left) == ("coulomb_friction", UNKNOWN)
 
 
 def test_what_is_told_with_one_in_ten_is_in_the_set() -> None:

@@ -58,6 +58,7 @@ class Odds:
         effects: ids. found: probability of each that it is missing and seen, (effects,).
         hidden: that it is there and could not show, (effects,). nothing, unknown: of the other answers.
         instead: that it stands in place of one of the model as given, (effects,); None: of none.
+        ruled_out: effects that leave far more than a law does that is nearly right, beside one that is.
     """
 
     effects: tuple[str, ...]
@@ -66,6 +67,7 @@ class Odds:
     nothing: float
     unknown: float
     instead: Array | None = None
+    ruled_out: tuple[str, ...] = ()
 
     @property
     def answers(self) -> tuple[str, ...]:
@@ -218,15 +220,22 @@ class CalibrationTable:
         found = [self.thresholds[name] for name in groups_of(verdict, answer) if name in self.thresholds]
         return max(found[0], 0.0)
 
-    def conformal_set(self, verdict: str, answers: Sequence[str], probabilities: Array) -> tuple[str, ...]:
+    def conformal_set(
+        self, verdict: str, answers: Sequence[str], probabilities: Array, ruled_out: Sequence[str] = ()
+    ) -> tuple[str, ...]:
         """The answers that cannot be ruled out, likeliest first; the likeliest is always among them.
 
         Nothing that is told with ``NEVER_RULED_OUT`` is, however seldom the truth lay behind in the trials.
+
+        Args:
+            ruled_out: by what they leave, however far behind the truth may lie. An effect that is hard to see
+                lay far behind in trials that it hardly showed in, and in no others.
         """
         behind = answer_distances(probabilities)
         order = np.argsort(behind, kind="stable")
         kept = [
-            behind[i] <= self.threshold(verdict, answers[i]) or probabilities[i] >= NEVER_RULED_OUT
+            (behind[i] <= self.threshold(verdict, answers[i]) and answers[i] not in ruled_out)
+            or probabilities[i] >= NEVER_RULED_OUT
             for i in order
         ]
         return tuple(answers[i] for i, held in zip(order, kept, strict=True) if held)
@@ -346,7 +355,7 @@ def calibrated(
     table = table or calibration()
     widening, share, unusual = table.widening(features, kind)
     probabilities = table.map.probabilities(odds, features.get("left", 1.0), widening)
-    kept = table.conformal_set(verdict, odds.answers, probabilities)
+    kept = table.conformal_set(verdict, odds.answers, probabilities, odds.ruled_out)
     return probabilities, CalibratedAnswer(
         table.version, table.fitted, table.judged, table.population, table.error, table.coverage,
         share, unusual, widening, kept,

@@ -126,7 +126,7 @@ def read(results: Path) -> tuple[list[KnownTrial], int]:
                 trial["seed"], trial["source"], (UNKNOWN,) if trial["left_out"] else truth,
                 Odds(
                     tuple(odds["effects"]), np.array(odds["found"]), np.array(odds["hidden"]),
-                    odds["nothing"], odds["unknown"],
+                    odds["nothing"], odds["unknown"], ruled_out=tuple(odds.get("ruled_out", ())),
                 ),
                 entry["session"], entry["phases"], bool(entry["surroundings"]["dirt"]), entry["verdict"],
             )

@@ -182,6 +182,7 @@ def plain_odds(said: Diagnosis) -> dict[str, Any]:
         "hidden": odds.hidden.tolist(),
         "nothing": odds.nothing,
         "unknown": odds.unknown,
+        "ruled_out": list(odds.ruled_out),
     }
 
 
