@@ -32,10 +32,10 @@ def test_what_is_integrated_out_is_a_dense_covariance(slack: int) -> None:
     Of the last ``slack`` samples the cable equation is no part of it.
     """
     rng = np.random.default_rng(3)
-    samples, spreads = 7, np.array([0.3, 0.0, 2.0, 0.5])
+    samples, spreads = 7, np.array([0.3, 0.0, 2.0, 0.5, 0.7])
     root = rng.standard_normal((5, 5))
     weights = root @ root.T + np.eye(5)
-    share = rng.standard_normal((5, 4))
+    share = rng.standard_normal((5, 5))
     residual = rng.standard_normal((samples, 5))
     loose = residual[samples - slack :]
     # One feature in every equation, each a signal of its own, with coefficient 1.

@@ -91,8 +91,10 @@ def find_force_error(reduction: Reduction, models: Sequence[FittedModel]) -> For
         models: the best first, the one as given last.
     """
     best, given = models[0], models[-1]
-    lacking = lacks_fit(best, NEARLY_RIGHT)
-    if not any(run.phase == "contact" for run in reduction.analysed) or not lacks_fit(given, NEARLY_RIGHT):
+    # In free motion it explains nothing.
+    lacking = lacks_fit(best, NEARLY_RIGHT) and best.misfit_in_contact > HALF_LEFT * best.misfit
+    could_be_all = lacks_fit(given, NEARLY_RIGHT) and given.misfit_in_contact > HALF_LEFT * given.misfit
+    if not (lacking or could_be_all):
         return None
     every, simpler = (EVERY, SIMPLER) if reduction.zero_in_the_air is None else (LATE_ALONE, ())
     tried = [_beside(reduction, model, every) for model in (models if lacking else [given])]
