@@ -40,6 +40,7 @@ from fingerlab.diagnosis.fit.data import Weights
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.gram.run_constants import residual_offsets
 from fingerlab.diagnosis.score.bench_constants import (
+    is_borne_out,
     likeliest_constants,
     settle_constants,
     zero_is_confounded,
@@ -66,7 +67,7 @@ from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.score.selection import lacks_fit
 from fingerlab.diagnosis.search.exchange import ExchangedModel, odds_of_rivals
 from fingerlab.diagnosis.search.grid_refinement import fit_refined
-from fingerlab.diagnosis.search.load_cell import is_borne_out, with_force_corrected
+from fingerlab.diagnosis.search.load_cell import with_force_corrected
 from fingerlab.diagnosis.search.next_effect import at_edges, fitted_to_the_end
 from fingerlab.diagnosis.search.strategy import Found, Question, Stages, begin_search, search_effects
 from fingerlab.diagnosis.settings import (
@@ -147,6 +148,9 @@ def diagnose(
         return _answer(question, found, display, started)
 
 
+_Searched = tuple[Question, Found, "Display | None"]
+
+
 def _searched(
     reduction: Reduction,
     catalogue: Sequence[Effect],
@@ -154,12 +158,16 @@ def _searched(
     stages: Stages,
     asked: DiagnosisOptions,
     with_curves: bool,
-) -> tuple[Question, Found, Display | None]:
+    corrected: bool = False,
+) -> _Searched:
     """The recordings read, what is missing of the model with these effects, and what there is to be shown.
 
-    Where much is left that a late load cell explains, all of it with its reading corrected.
+    Where much is left that an error of the load cell explains, all of it with its reading corrected.
+
+    Args:
+        corrected: the error was taken off already.
     """
-    search = partial(_searched, reduction, catalogue, given, stages, asked, with_curves)
+    again = partial(_searched, reduction, catalogue, given, stages, asked, with_curves, corrected=True)
     alone, display = None, _display() if with_curves else None
     reduction.begin(catalogue, stages.part(0.0, 0.2), read=bool(given))
     if given:
@@ -175,18 +183,20 @@ def _searched(
     check_held(reduction, scorer, given)
     question = Question(reduction, catalogue, given, stages, alone)
     begun = begin_search(question, scorer)
-    if (corrected := with_force_corrected(reduction, begun.models, search, _outcome)) is not None:
-        return corrected
+    if not corrected and (other := with_force_corrected(reduction, begun.models, again, _outcome)):
+        return other
     found = search_effects(question, begun)
     if lacks_fit(found.path[-1], NEARLY_RIGHT):
         found = searched_again(question, scorer, found)
-    if (corrected := with_force_corrected(reduction, found.models, search, _outcome)) is not None:
-        return corrected
+    if not corrected and (other := with_force_corrected(reduction, found.models, again, _outcome)):
+        return other
     return question, found, display
 
 
-def _outcome(searched: tuple[Question, Found, Display | None]) -> tuple[FittedModel, str]:
-    return searched[1].path[-1], searched[1].evidence.verdict
+def _outcome(searched: _Searched) -> tuple[FittedModel, bool]:
+    """The best model, and whether nothing more is missing beside it."""
+    found = searched[1]
+    return found.path[-1], found.evidence.verdict == Verdict.NOTHING_MISSING
 
 
 def _weights_of(before: Diagnosis | None) -> Weights | None:
@@ -241,7 +251,7 @@ def searched_again(question: Question, scorer: Scorer, found: Found) -> Found:
         return found
     before, reduction.constants = reduction.constants, constants
     other = search_effects(question, begin_search(question, scorer.with_constants(constants)))
-    if is_borne_out(last, other.path[-1], other.evidence.verdict):
+    if is_borne_out(last, other.path[-1], other.evidence.verdict == Verdict.NOTHING_MISSING):
         return other
     reduction.constants = before
     return found
@@ -347,6 +357,7 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
         held=dict(reduction.fixed),
         constants=reduction.constants,
         torque_noise=reduction.torque_noise,
+        force_error=reduction.force_error,
         fitted=evidence.base,
         last=path[-1],
         bench=bench_findings(reduction, path[-1], by_last.run_offsets(path[-1])),

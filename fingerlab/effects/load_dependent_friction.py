@@ -3,17 +3,19 @@
 import numpy as np
 
 from fingerlab.effects.base import (
+    HALF_OCTAVE,
     OCTAVE,
     REVERSAL_SPEED,
-    STICK_DAMPING,
     Effect,
     Example,
     Formula,
     Row,
     Shape,
     Term,
-    damped_contact,
+    either,
+    every,
     rubbing,
+    times,
 )
 from fingerlab.effects.transmission import WINDING_TRAVELS_DEG, drive_state, drive_terms
 from fingerlab.physics.friction_states import friction_state, rubbing_forces
@@ -30,6 +32,11 @@ MOST_SHARE = 0.5
 HELD_TRAVELS_DEG = (0.3, 0.42, 0.6, 0.85, 1.2, 1.7)
 """Travel over which teeth that are held slide at a load of REFERENCE_LOAD_NM, degrees at the pulley; assumed:
 the wind-up of a gearbox."""
+STICK_DAMPING = "stick_damping"
+"""Number of a shape, s: damping of one contact that sticks, over its stiffness (``rubbing_forces``)."""
+STICK_DAMPINGS_S = (0.002, 0.006)
+"""Where it is looked for first: sigma_1 over sigma_0 of the LuGre model is 3 ms in its first paper (Canudas
+de Wit et al. 1995), half of what is critical for a mass of 1 kg; assumed within a factor of four."""
 
 
 SHAPES = (
@@ -68,6 +75,15 @@ def columns(motion: Motion, shape: Shape) -> list[Term]:
     return drive_terms(motion, "share", friction_state(motion.position, way, sharpness, stops))
 
 
+def _damped_contact(shape: Shape) -> list[Shape]:
+    """What sticks in one contact with damping: over other travels, and between the dampings tried."""
+    found = shape.get(STICK_DAMPING)
+    dampings = STICK_DAMPINGS_S if found is None else [found * factor for factor in OCTAVE[::2]]
+    as_one = 2.0 * shape["travel_deg"] / (1.0 + shape.get("sharpness", 0.0))
+    one_contact = {**shape, "sharpness": 1.0, "travel_deg": as_one}
+    return list(every(times("travel_deg", HALF_OCTAVE), either(STICK_DAMPING, dampings))(one_contact))
+
+
 def _closer(shape: Shape) -> list[Shape]:
     """Around the one found, and where the other law would be looked for."""
     if REVERSAL_SPEED in shape:
@@ -76,7 +92,7 @@ def _closer(shape: Shape) -> list[Shape]:
     held, following = {**undamped, "held": 1.0}, {**undamped, "held": 0.0}
     if shape.get("held", 1.0):
         others = [{**following, "travel_deg": t, "sharpness": 0.0} for t in WINDING_TRAVELS_DEG]
-        return [*rubbing(OCTAVE[1:-1])(held), *damped_contact(shape), *others]
+        return [*rubbing(OCTAVE[1:-1])(held), *_damped_contact(shape), *others]
     others = [{**held, "travel_deg": t, "sharpness": 1.0} for t in HELD_TRAVELS_DEG]
     return [*rubbing(by_speed=True)(following), *others]
 

@@ -39,7 +39,7 @@ from fingerlab.diagnosis.equations.features import (
 from fingerlab.diagnosis.gram.decimation import counted
 from fingerlab.diagnosis.settings import LIFTED_M, SLIP_STIFFNESSES
 from fingerlab.diagnosis.signals.filters import decimate
-from fingerlab.diagnosis.signals.load_cell import zero_in_the_air
+from fingerlab.diagnosis.signals.load_cell import FORCE_ERROR, ForceError
 from fingerlab.diagnosis.signals.scales import SI, Scales, reduced_rig, reduced_run
 from fingerlab.diagnosis.signals.segments import segments_of
 from fingerlab.effects.base import Effect, Row
@@ -77,20 +77,24 @@ class Stretch:
     scales: Scales = SI
 
 
-def contact_stretches(session: Session, run: Run, scales: Scales = SI) -> Iterator[Stretch]:
+def contact_stretches(
+    session: Session, run: Run, scales: Scales = SI, zero: float = 0.0
+) -> Iterator[Stretch]:
     """The stretches of a contact run, in reduced units.
+
+    Args:
+        zero: what the load cell reads with nothing on it, N.
 
     Raises:
         UserError: the rig gives no finger, or a channel is missing, not a number, or too short.
     """
     if session.rig.finger is None:
         raise UserError(f"{session.path} gives no finger constants; its rig text needs 'finger'.")
-    zero = zero_in_the_air(session.runs) or 0.0
     cell = run.has("endpoint_force") and bool(np.all(np.isfinite(run.channel("endpoint_force"))))
     run, rig = reduced_run(run, scales), reduced_rig(session.rig, scales)
-    zero /= scales.of("N")
+    zeroed = replace(run, attributes={**run.attributes, FORCE_ERROR: ForceError(zero / scales.of("N"))})
     measured = (
-        [_narrowed(m, m.force - zero) for m in segments_of(run, rig) if m.force is not None] if cell else []
+        [_narrowed(m, m.force) for m in segments_of(zeroed, rig) if m.force is not None] if cell else []
     )
     # Read as free motion, so that what the load cell says cannot enter the prediction.
     for number, motion in enumerate(segments_of(replace(run, phase="on_air"), rig)):

@@ -27,6 +27,7 @@ from fingerlab.diagnosis.search.grid_refinement import fit_refined
 from fingerlab.diagnosis.search.load_cell import with_force_corrected
 from fingerlab.diagnosis.settings import FULL_ITERATIONS, NARROW_RATE_HZ
 from fingerlab.diagnosis.signals.conditions import GroupKey, folds_of_runs, group_key
+from fingerlab.diagnosis.signals.load_cell import zero_in_the_air
 from fingerlab.effects import effect
 from fingerlab.models.file import hash_sessions
 from fingerlab.prediction.error_band import (
@@ -78,10 +79,11 @@ def contact_forces(variant: Variant, session: Session, sha256: str, where: str) 
     effects = [c.alone(scales) for c in variant.effects]
     second, newton = scales.time, scales.of("N")
     result = []
+    zero = zero_in_the_air(session.runs) or 0.0
     for run in session.contact_runs():
         without = variant.values_without(sha256, run.name)
         values = variant.reduced(variant.values if without is None else without, session.rig)
-        for one in contact_stretches(session, run, scales):
+        for one in contact_stretches(session, run, scales, zero):
             forces = solved_forces(one, effects, values, where)
             result.append(
                 StretchForces(
@@ -267,8 +269,9 @@ def swept(variant: Variant, session: Session, sha256: str, where: str) -> Mappin
     effects = [chosen.alone(scales) for chosen in variant.effects]
     second, newton = scales.time, scales.of("N")
     result = {}
+    zero = zero_in_the_air(session.runs) or 0.0
     for run in session.contact_runs():
-        stretch = max(contact_stretches(session, run, scales), key=lambda one: len(one.time))
+        stretch = max(contact_stretches(session, run, scales, zero), key=lambda one: len(one.time))
         if stretch.frequency_hz == 0.0:
             continue
         values = variant.values_without(sha256, run.name) or variant.values
@@ -356,9 +359,10 @@ def _fit(
     )
 
 
-def _outcome(found: tuple[Scorer, FittedModel]) -> tuple[FittedModel, str]:
+def _outcome(found: tuple[Scorer, FittedModel]) -> tuple[FittedModel, bool]:
+    """The model, held out; a fit does not ask what else is missing."""
     scorer, fitted = found
-    return scorer.score_held_out(fitted), ""
+    return scorer.score_held_out(fitted), False
 
 
 def _first(scorer: Scorer, whole: FittedModel, count: int) -> FittedModel:

@@ -9,9 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fingerlab.diagnosis import diagnose
+from fingerlab.diagnosis import DiagnosisOptions, diagnose
 from fingerlab.diagnosis.answer.results import Diagnosis
-from fingerlab.diagnosis.signals.load_cell import ForceError, with_force_corrected
+from fingerlab.diagnosis.gram.reduction import Reduction
+from fingerlab.diagnosis.signals.load_cell import ForceError, with_force_error
 from fingerlab.diagnosis.signals.segments import segments_of
 from fingerlab.prediction import fit_extended
 from fingerlab.sessions import Run, Session, open_session
@@ -35,10 +36,19 @@ def lags(found: Diagnosis) -> list[float]:
 
 
 def test_a_bench_that_lacks_nothing_is_told_its_filter_alone(tmp_path: Path) -> None:
-    found = diagnose([WAYS["filter"](recorded(tmp_path / "plain.h5", {}, 31))], with_curves=False)
+    """And again, by what was kept: what one answer took off the reading is no part of the next."""
+    session = WAYS["filter"](recorded(tmp_path / "plain.h5", {}, 31))
+    kept = Reduction([session])
+    found, again = (
+        diagnose([session], with_curves=False, options=DiagnosisOptions(kept=kept)) for _ in range(2)
+    )
     assert lags(found) == pytest.approx([LAG_S], rel=0.1)
     assert found.verdict == "nothing_missing"
     assert found.score < 1.1
+    assert again.force_error == found.force_error
+    assert [(c.effect, c.probability) for c in again.candidates] == [
+        (c.effect, c.probability) for c in found.candidates
+    ]
 
 
 def test_a_zero_is_read_in_the_air_or_found_in_contact(tmp_path: Path) -> None:
@@ -50,11 +60,12 @@ def test_a_zero_is_read_in_the_air_or_found_in_contact(tmp_path: Path) -> None:
         return run if run.phase == "contact" else replace(run, units=units)
 
     blind = replace(session, runs=tuple(map(without, session.runs)))
-    for one in (session, blind):
+    for one, told_by in ((session, "in free motion"), (blind, "as the joints tell in contact")):
         found = diagnose([one], with_curves=False)
         assert found.verdict == "nothing_missing"
         zeros = [b.size for b in found.bench if (b.kind, b.channel) == ("zero", "endpoint_force")]
         assert zeros == pytest.approx([CELL_ZERO_N], rel=0.1)
+        assert f"N with nothing on it, {told_by}; that is taken off" in found.bench[0].text
 
 
 def test_a_zero_that_moves_from_run_to_run_is_the_load_cells(tmp_path: Path) -> None:
@@ -86,7 +97,7 @@ def test_the_effect_is_named_beside_it(tmp_path: Path) -> None:
 def test_a_corrected_reading_is_what_went_into_the_filter(tmp_path: Path) -> None:
     """Of a filter of first order the input is its output and the time constant times its slope."""
     clean = recorded(tmp_path / "plain.h5", {}, 33)
-    corrected = with_force_corrected([WAYS["filter"](clean)], ForceError(0.0, LAG_S))[0]
+    corrected = with_force_error([WAYS["filter"](clean)], ForceError(0.0, LAG_S))[0]
     for was, now in zip(clean.contact_runs(), corrected.contact_runs(), strict=True):
         before, after = (next(segments_of(run, clean.rig)).force for run in (was, now))
         assert before is not None

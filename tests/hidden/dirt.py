@@ -22,6 +22,7 @@ from scipy.signal import butter, lfilter, lfilter_zi
 from fingerlab.diagnosis import diagnose
 from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.sessions import Session, open_session
+from fingerlab.sessions.model import Array
 from tests.hidden.sweep.disguise import KINDS, Channels, decimated, dirty, with_channels
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "dirty-benches.md"
@@ -42,38 +43,31 @@ def _gain(session: Session) -> Session:
     return with_channels(session, more)
 
 
+def _with_force(session: Session, change: Callable[[Array], Array]) -> Session:
+    """The session with the load cell's reading of every run changed."""
+
+    def changed(channels: Channels) -> Channels:
+        force = "endpoint_force"
+        return channels | {force: change(channels[force])} if force in channels else channels
+
+    return with_channels(session, changed)
+
+
 def _filtered(session: Session) -> Session:
     """The load cell's amplifier has a low-pass of first order at 10 Hz."""
     numbers = butter(1, 2.0 * CELL_CUTOFF_HZ / session.runs[0].sample_rate_hz)
-
-    def slow(channels: Channels) -> Channels:
-        if "endpoint_force" not in channels:
-            return channels
-        force = channels["endpoint_force"]
-        return channels | {"endpoint_force": lfilter(*numbers, force, zi=lfilter_zi(*numbers) * force[0])[0]}
-
-    return with_channels(session, slow)
+    return _with_force(session, lambda force: lfilter(*numbers, force, zi=lfilter_zi(*numbers) * force[0])[0])
 
 
 def _not_at_zero(session: Session) -> Session:
     """Nobody set the load cell to zero."""
-
-    def more(channels: Channels) -> Channels:
-        force = "endpoint_force"
-        return channels | {force: channels[force] + CELL_ZERO_N} if force in channels else channels
-
-    return with_channels(session, more)
+    return _with_force(session, lambda force: force + CELL_ZERO_N)
 
 
 def _cell_moves(session: Session) -> Session:
     """The load cell's zero is another one in each run."""
     rng = np.random.default_rng(SEED)
-
-    def moved(channels: Channels) -> Channels:
-        force, zero = "endpoint_force", rng.normal(0.0, CELL_MOVES_N)
-        return channels | {force: channels[force] + zero} if force in channels else channels
-
-    return with_channels(session, moved)
+    return _with_force(session, lambda force: force + rng.normal(0.0, CELL_MOVES_N))
 
 
 def _quarter(session: Session) -> Session:

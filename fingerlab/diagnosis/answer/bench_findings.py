@@ -34,6 +34,7 @@ from fingerlab.diagnosis.signals.filters import (
     without_spikes,
 )
 from fingerlab.diagnosis.signals.scales import as_recorded
+from fingerlab.sessions.model import CHANNEL_UNITS
 
 SENSORS = {"mcp_angle": "MCP sensor", "pip_angle": "PIP sensor", "motor_position": "motor's encoder"}
 
@@ -125,8 +126,8 @@ def _load_cell(reduction: Reduction) -> list[BenchFinding]:
     newton, seconds, error = reduction.scales.of("N"), reduction.scales.of("s"), reduction.force_error
     found, late, zero = [], error.lag * seconds, error.zero * newton
     if zero:
-        unloaded = "in free motion" if reduction.zero_in_the_air else "by what the joints say in contact,"
-        said = f"The load cell reads {_number(zero)} N with nothing on it {unloaded}; that is taken off"
+        told_by = "in free motion" if reduction.zero_in_the_air else "as the joints tell in contact"
+        said = f"The load cell reads {_number(zero)} N with nothing on it, {told_by}; that is taken off"
         advice = "set its zero before the runs, with the finger clear of it"
         found.append(BenchFinding("zero", "endpoint_force", zero, "N", (), said, advice))
     if late:
@@ -160,7 +161,7 @@ def _moved(reduction: Reduction, offsets: Sequence[Offsets]) -> list[BenchFindin
         return []
     result = []
     for source, channel in enumerate(SOURCES):
-        unit = {"motor_torque": "N m", "endpoint_force": "N"}.get(channel, "rad")
+        unit = CHANNEL_UNITS[channel]
         scale = reduction.scales.of(unit)
         zeros = scale * np.concatenate([one.sources[:, source] for one in offsets])
         unsure = scale * np.concatenate([one.spreads[:, source] for one in offsets])

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from fingerlab.diagnosis.gram.sums import FloorFrom, TorqueNoise
     from fingerlab.diagnosis.score.calibration import CalibratedAnswer, Odds, Predicted, Verdict
     from fingerlab.diagnosis.score.fitted_model import FittedModel
+    from fingerlab.diagnosis.signals.load_cell import ForceError
 
 
 @dataclass(frozen=True)
@@ -249,6 +250,7 @@ class Diagnosis:
     ``fitted``: the model as given, as it was fitted; ``last``: the one at the end of the path.
     ``constants``: that every run has of its own; None: none were found. ``torque_noise``: how much
     is noise of what no law of the state tells of a motor's torque; the rest follows the past, or the run.
+    ``force_error``: what was taken off the load cell's reading, in reduced units.
     """
 
     sessions: tuple[str, ...]
@@ -292,6 +294,7 @@ class Diagnosis:
     last: FittedModel | None = field(default=None, repr=False, compare=False)
     constants: RunConstants | None = field(default=None, repr=False, compare=False)
     torque_noise: TorqueNoise | None = field(default=None, repr=False, compare=False)
+    force_error: ForceError | None = field(default=None, repr=False, compare=False)
 
     def to_json(self) -> dict[str, Any]:
         """The object that ``diagnose --json`` writes, ready for ``json.dumps``."""

@@ -57,7 +57,7 @@ from fingerlab.diagnosis.signals.conditions import (
     with_interventions,
 )
 from fingerlab.diagnosis.signals.filters import Repair
-from fingerlab.diagnosis.signals.load_cell import ForceError, with_force_corrected, zero_in_the_air
+from fingerlab.diagnosis.signals.load_cell import ForceError, with_force_error, zero_in_the_air
 from fingerlab.diagnosis.signals.scales import Scales, as_recorded, find_scales, reduced_sessions
 from fingerlab.diagnosis.signals.segments import ChannelSigns, check_senses, is_fragmented, segments_of
 from fingerlab.effects.base import Effect, Shape
@@ -79,7 +79,6 @@ class Reduction:
         constants: that every run has of its own, for what is asked now; None: none.
         settled: whether they were looked for under the bare model.
         late_torque: whether the torque of a motor alone was found to be logged later than its position.
-        force_settled: whether an error of the load cell beyond its zero in the air was tried, as it is once.
         torque_noise: how much is noise of what no law of the state tells of a motor's torque.
         fixed: values that somebody holds unknowns of every model at, by key, SI.
         repairs: samples that were put right, by number of the run, how and channel; samples: that it has.
@@ -105,7 +104,6 @@ class Reduction:
         self.settled = False
         self.late_torque = False
         self._force_error: ForceError | None = None
-        self.force_settled = False
         self.torque_noise: TorqueNoise = ALL_NOISE
         self.fixed: Mapping[str, float] = {}
         self.repairs: dict[int, Mapping[Repair, int]] = {}
@@ -120,7 +118,7 @@ class Reduction:
     @cached_property
     def sessions(self) -> tuple[Session, ...]:
         """The sessions in reduced units."""
-        return with_force_corrected(self._as_read, self.force_error)
+        return with_force_error(self._as_read, self.force_error)
 
     @cached_property
     def _as_read(self) -> tuple[Session, ...]:
@@ -134,7 +132,7 @@ class Reduction:
     @property
     def force_error(self) -> ForceError:
         """What was found of the load cell's reading, in reduced units; taken off wherever runs are read."""
-        return self._force_error or ForceError(self.zero_in_the_air or 0.0)
+        return ForceError(self.zero_in_the_air or 0.0) if self._force_error is None else self._force_error
 
     @cached_property
     def pairs(self) -> list[tuple[Session, Run]]:
@@ -152,17 +150,25 @@ class Reduction:
         """Begin a call that asks for nothing that another left: no constants but those of the bare model."""
         self.fixed, self.constants = dict(fixed or {}), self._settled_constants
         self.torque_noise = ALL_NOISE
+        self.correct_force(None)
 
     def settle(self, constants: RunConstants | None) -> None:
         """Keep what was found under the bare model."""
         self.constants = self._settled_constants = constants
         self.settled = True
 
-    def correct_force(self, error: ForceError) -> None:
-        """Read the runs anew with this error taken off the load cell's reading."""
-        self._force_error = error
+    def correct_force(self, error: ForceError | None) -> None:
+        """Take this error off the load cell's reading; None: what is read in the air.
+
+        If it was another one, the runs are read anew when they are asked for, and constants of the runs that
+        were found under the bare model are looked for again.
+        """
+        before, self._force_error = self.force_error, error
+        if self.force_error == before:
+            return
         for name in ("sessions", "pairs"):
             vars(self).pop(name, None)
+        self.constants, self._settled_constants, self.settled = None, None, False
         self._forget()
 
     def resume(
@@ -170,8 +176,10 @@ class Reduction:
         fixed: Mapping[str, float],
         constants: RunConstants | None,
         torque_noise: TorqueNoise | None = None,
+        force_error: ForceError | None = None,
     ) -> None:
-        """Go on from an answer: what it had fixed, the constants of its runs, and what was noise."""
+        """Go on from an answer: what it had fixed, the constants of its runs, what was noise, its forces."""
+        self.correct_force(force_error)
         self.fixed, self.constants, self.torque_noise = fixed, constants, torque_noise or ALL_NOISE
 
     def _forget(self) -> None:

@@ -33,18 +33,22 @@ from fingerlab.diagnosis.gram.run_constants import (
 from fingerlab.diagnosis.gram.sums import Group, Reduced
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.score.scorer import Scorer
+from fingerlab.diagnosis.score.selection import lacks_fit
 from fingerlab.diagnosis.settings import (
     CONSTANTS_ROUNDS,
     DECIDING_LOG_ODDS,
+    HALF_LEFT,
     LAG_AT_EDGE,
     LAG_SHARE,
     LEAST_CONSTANTS,
     LEAST_SHARE_OF_CONSTANTS,
+    NEARLY_RIGHT,
     ONE_WAY,
     ONE_WAY_POINTS,
     RUN_CONSTANT_RANGE,
     SPREAD_STEPS,
     STANDING_LOAD,
+    STILL_LEFT,
 )
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
 from fingerlab.effects import CATALOGUE
@@ -136,6 +140,15 @@ def likeliest_constants(
         found, beside = again, scorer.with_constants(again)
         fitted = beside.score_held_out(beside.fit_reweighted(last.choices, fitted))
     return found, fitted
+
+
+def is_borne_out(before: FittedModel, end: FittedModel, complete: bool) -> bool:
+    """Whether a bench's own errors, once taken off, leave far less of the best model's misfit.
+
+    Half, where the path ends near the floor, or ``complete``: nothing more is found to be missing.
+    """
+    near = complete or not lacks_fit(end, NEARLY_RIGHT)
+    return end.misfit < (HALF_LEFT if near else STILL_LEFT) * before.misfit
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ import numpy as np
 
 from fingerlab.diagnosis.equations.model import Choice
 from fingerlab.diagnosis.gram.reduction import Reduction
-from fingerlab.diagnosis.score.calibration import Verdict
+from fingerlab.diagnosis.score.bench_constants import is_borne_out
 from fingerlab.diagnosis.score.fitted_model import FittedModel, at_found_shapes
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.score.selection import lacks_fit
@@ -29,7 +29,6 @@ from fingerlab.diagnosis.settings import (
     MOST_FORCE_LAG_S,
     MOST_FORCE_ZERO_N,
     NEARLY_RIGHT,
-    STILL_LEFT,
 )
 from fingerlab.diagnosis.signals.load_cell import ForceError
 from fingerlab.effects.base import Effect, Row, Shape, Term
@@ -50,12 +49,15 @@ def _columns(names: Sequence[str], motion: Motion, shape: Shape) -> list[Term]:
     return [Term(row, name, lever * each[name], "joint") for row, lever in levers for name in names]
 
 
-LATE, ZERO = MOST_FORCE_LAG_S, MOST_FORCE_ZERO_N
+def _up_to(most: float, unit: str) -> Parameter:
+    return Parameter(unit, -most, most, 0.25 * most)
+
+
 UNKNOWNS = {
-    "zero": Parameter("N", -ZERO, ZERO, 0.1 * ZERO),
-    "lag": Parameter("s", -LATE, LATE, 0.25 * LATE),
+    "zero": _up_to(MOST_FORCE_ZERO_N, "N"),
+    "lag": _up_to(MOST_FORCE_LAG_S, "s"),
     # Half its square of a pure delay, nothing of a filter of first order.
-    "lag_square": Parameter("s^2", -(LATE**2), LATE**2, 0.1 * LATE**2),
+    "lag_square": _up_to(MOST_FORCE_LAG_S**2, "s^2"),
 }
 
 
@@ -114,9 +116,9 @@ def find_force_error(reduction: Reduction, models: Sequence[FittedModel]) -> For
     zero, lag, square = (found.values.get(f"{every.id}.{name}", 0.0) for name in ForceError._fields)
     if abs(lag) * reduction.scales.of("s") < LEAST_FORCE_LAG_S:
         lag = square = 0.0
-    before = reduction.force_error
-    error = ForceError(before.zero + zero, before.lag + lag, before.lag_square + square)
-    return None if error == before else error
+    known = reduction.force_error
+    error = ForceError(known.zero + zero, lag, square)
+    return None if error == known else error
 
 
 def _beside(reduction: Reduction, model: FittedModel, error: Effect) -> FittedModel:
@@ -130,32 +132,25 @@ def with_force_corrected(
     reduction: Reduction,
     models: Sequence[FittedModel],
     again: Callable[[], _Work],
-    outcome: Callable[[_Work], tuple[FittedModel, str]],
+    outcome: Callable[[_Work], tuple[FittedModel, bool]],
 ) -> _Work | None:
     """The work done again with an error taken off the load cell's reading; None: none is borne out.
 
+    It is where far less is left, or no more with fewer effects and nothing else missing.
+
     Args:
         models: that it came to, the best first, the one as given last.
-        outcome: its best model, held out, and its verdict.
+        outcome: its best model, held out, and whether nothing more is missing beside it.
     """
-    before = reduction.force_error
-    error = None if reduction.force_settled else find_force_error(reduction, models)
+    before, best = reduction.force_error, models[0]
+    error = find_force_error(reduction, models)
     if error is None:
         return None
     reduction.correct_force(error)
-    reduction.force_settled = True
     found = again()
-    end, verdict = outcome(found)
-    if is_borne_out(models[0], end, verdict) or (verdict == Verdict.NOTHING_MISSING and not lacks_fit(end)):
+    end, complete = outcome(found)
+    fewer = complete and len(end.choices) < len(best.choices) and end.misfit <= best.misfit
+    if fewer or is_borne_out(best, end, complete):
         return found
     reduction.correct_force(before)
     return None
-
-
-def is_borne_out(before: FittedModel, end: FittedModel, verdict: str) -> bool:
-    """Whether a bench's own errors, once taken off, leave far less of the best model's misfit.
-
-    Half, where nothing more is found to be missing beside them, or the path ends near the floor.
-    """
-    near = verdict == Verdict.NOTHING_MISSING or not lacks_fit(end, NEARLY_RIGHT)
-    return end.misfit < (HALF_LEFT if near else STILL_LEFT) * before.misfit

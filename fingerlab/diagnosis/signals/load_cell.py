@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fingerlab.diagnosis.settings import FIRST_LOOK_S, FORCE_ZERO_RUNS, LEAST_FORCE_ZERO, ZERO_SPREADS
-from fingerlab.sessions.model import Run, Session
+from fingerlab.sessions.model import Array, Run, Session
 
 FORCE_ERROR = "force_error"
 """Attribute of a run: the :class:`ForceError` of its load cell."""
@@ -23,7 +23,7 @@ class ForceError(NamedTuple):
     lag_square: float = 0.0
 
 
-def with_force_corrected(sessions: Sequence[Session], error: ForceError) -> tuple[Session, ...]:
+def with_force_error(sessions: Sequence[Session], error: ForceError) -> tuple[Session, ...]:
     """The sessions, with an error of the load cell's reading told to their runs."""
     if not any(error):
         return tuple(sessions)
@@ -39,17 +39,17 @@ def zero_in_the_air(runs: Sequence[Run]) -> float | None:
 
     Zero, where that is no more than readings scatter from run to run, or nothing beside those in contact.
     """
-    free = _means([run for run in runs if run.phase == "on_air"])
+    free = _medians([run for run in runs if run.phase == "on_air"])
     if not len(free):
         return None
     zero = float(np.median(free))
     spread = float(np.std(free)) if len(free) > 1 else 0.0
-    pressed = _means([run for run in runs if run.phase == "contact"])
+    pressed = _medians([run for run in runs if run.phase == "contact"])
     least = LEAST_FORCE_ZERO * float(np.median(np.abs(pressed - zero))) if len(pressed) else np.inf
     return zero if abs(zero) > max(least, ZERO_SPREADS * spread) else 0.0
 
 
-def _means(runs: Sequence[Run]) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+def _medians(runs: Sequence[Run]) -> Array:
     """Median reading of some of the runs, evenly among them; without those that hold none."""
     read = [run for run in runs if run.has("endpoint_force")]
     found = []
