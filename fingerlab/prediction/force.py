@@ -39,7 +39,7 @@ from fingerlab.diagnosis.equations.features import (
 from fingerlab.diagnosis.gram.decimation import counted
 from fingerlab.diagnosis.settings import LIFTED_M, SLIP_STIFFNESSES
 from fingerlab.diagnosis.signals.filters import decimate
-from fingerlab.diagnosis.signals.load_cell import FORCE_ERROR, ForceError
+from fingerlab.diagnosis.signals.load_cell import FORCE_ERROR, LoadCellError
 from fingerlab.diagnosis.signals.scales import SI, Scales, reduced_rig, reduced_run
 from fingerlab.diagnosis.signals.segments import segments_of
 from fingerlab.effects.base import Effect, Row
@@ -92,7 +92,7 @@ def contact_stretches(
         raise UserError(f"{session.path} gives no finger constants; its rig text needs 'finger'.")
     cell = run.has("endpoint_force") and bool(np.all(np.isfinite(run.channel("endpoint_force"))))
     run, rig = reduced_run(run, scales), reduced_rig(session.rig, scales)
-    zeroed = replace(run, attributes={**run.attributes, FORCE_ERROR: ForceError(zero / scales.of("N"))})
+    zeroed = replace(run, attributes={**run.attributes, FORCE_ERROR: LoadCellError(zero / scales.of("N"))})
     measured = (
         [_narrowed(m, m.force) for m in segments_of(zeroed, rig) if m.force is not None] if cell else []
     )

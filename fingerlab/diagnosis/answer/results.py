@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from fingerlab.diagnosis.gram.sums import FloorFrom, TorqueNoise
     from fingerlab.diagnosis.score.calibration import CalibratedAnswer, Odds, Predicted, Verdict
     from fingerlab.diagnosis.score.fitted_model import FittedModel
-    from fingerlab.diagnosis.signals.load_cell import ForceError
+    from fingerlab.diagnosis.signals.load_cell import LoadCellError
 
 
 @dataclass(frozen=True)
@@ -294,7 +294,7 @@ class Diagnosis:
     last: FittedModel | None = field(default=None, repr=False, compare=False)
     constants: RunConstants | None = field(default=None, repr=False, compare=False)
     torque_noise: TorqueNoise | None = field(default=None, repr=False, compare=False)
-    force_error: ForceError | None = field(default=None, repr=False, compare=False)
+    force_error: LoadCellError | None = field(default=None, repr=False, compare=False)
 
     def to_json(self) -> dict[str, Any]:
         """The object that ``diagnose --json`` writes, ready for ``json.dumps``."""

@@ -57,7 +57,7 @@ from fingerlab.diagnosis.signals.conditions import (
     with_interventions,
 )
 from fingerlab.diagnosis.signals.filters import Repair
-from fingerlab.diagnosis.signals.load_cell import ForceError, with_force_error, zero_in_the_air
+from fingerlab.diagnosis.signals.load_cell import LoadCellError, with_force_error, zero_in_the_air
 from fingerlab.diagnosis.signals.scales import Scales, as_recorded, find_scales, reduced_sessions
 from fingerlab.diagnosis.signals.segments import ChannelSigns, check_senses, is_fragmented, segments_of
 from fingerlab.effects.base import Effect, Shape
@@ -103,7 +103,7 @@ class Reduction:
         self._settled_constants: RunConstants | None = None
         self.settled = False
         self.late_torque = False
-        self._force_error: ForceError | None = None
+        self._force_error: LoadCellError | None = None
         self.torque_noise: TorqueNoise = ALL_NOISE
         self.fixed: Mapping[str, float] = {}
         self.repairs: dict[int, Mapping[Repair, int]] = {}
@@ -130,9 +130,9 @@ class Reduction:
         return zero_in_the_air([run for session in self._as_read for run in session.runs])
 
     @property
-    def force_error(self) -> ForceError:
+    def force_error(self) -> LoadCellError:
         """What was found of the load cell's reading, in reduced units; taken off wherever runs are read."""
-        return ForceError(self.zero_in_the_air or 0.0) if self._force_error is None else self._force_error
+        return LoadCellError(self.zero_in_the_air or 0.0) if self._force_error is None else self._force_error
 
     @cached_property
     def pairs(self) -> list[tuple[Session, Run]]:
@@ -157,7 +157,7 @@ class Reduction:
         self.constants = self._settled_constants = constants
         self.settled = True
 
-    def correct_force(self, error: ForceError | None) -> None:
+    def correct_force(self, error: LoadCellError | None) -> None:
         """Take this error off the load cell's reading; None: what is read in the air.
 
         If it was another one, the runs are read anew when they are asked for, and constants of the runs that
@@ -176,7 +176,7 @@ class Reduction:
         fixed: Mapping[str, float],
         constants: RunConstants | None,
         torque_noise: TorqueNoise | None = None,
-        force_error: ForceError | None = None,
+        force_error: LoadCellError | None = None,
     ) -> None:
         """Go on from an answer: what it had fixed, the constants of its runs, what was noise, its forces."""
         self.correct_force(force_error)

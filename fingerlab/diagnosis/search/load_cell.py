@@ -30,7 +30,7 @@ from fingerlab.diagnosis.settings import (
     MOST_FORCE_ZERO_N,
     NEARLY_RIGHT,
 )
-from fingerlab.diagnosis.signals.load_cell import ForceError
+from fingerlab.diagnosis.signals.load_cell import LoadCellError
 from fingerlab.effects.base import Effect, Row, Shape, Term
 from fingerlab.physics.motion import Motion
 from fingerlab.physics.parameter import Parameter
@@ -44,7 +44,7 @@ def _columns(names: Sequence[str], motion: Motion, shape: Shape) -> list[Term]:
     step = 1.0 / motion.sample_rate_hz
     rate = np.gradient(force, step)
     read = np.zeros_like(force) if motion.force is None else -np.ones_like(force)
-    each = dict(zip(ForceError._fields, (read, rate, np.gradient(rate, step)), strict=True))
+    each = dict(zip(LoadCellError._fields, (read, rate, np.gradient(rate, step)), strict=True))
     levers = zip((Row.MCP, Row.PIP), motion.contact_levers, strict=True)
     return [Term(row, name, lever * each[name], "joint") for row, lever in levers for name in names]
 
@@ -82,7 +82,7 @@ LATE_ALONE, EVERY = _error_of("lag", "lag_square"), _error_of(*UNKNOWNS)
 SIMPLER = (_error_of("zero"), LATE_ALONE)
 
 
-def find_force_error(reduction: Reduction, models: Sequence[FittedModel]) -> ForceError | None:
+def find_force_error(reduction: Reduction, models: Sequence[FittedModel]) -> LoadCellError | None:
     """What is wrong with the load cell's reading beyond what was known, in reduced units.
 
     None: with it none of the models leaves far less than the first one does without, or that leaves little;
@@ -113,11 +113,11 @@ def find_force_error(reduction: Reduction, models: Sequence[FittedModel]) -> For
         if other.misfit - found.misfit < LEAST_FALL_BEYOND * found.count:
             found = other
             break
-    zero, lag, square = (found.values.get(f"{every.id}.{name}", 0.0) for name in ForceError._fields)
+    zero, lag, square = (found.values.get(f"{every.id}.{name}", 0.0) for name in LoadCellError._fields)
     if abs(lag) * reduction.scales.of("s") < LEAST_FORCE_LAG_S:
         lag = square = 0.0
     known = reduction.force_error
-    error = ForceError(known.zero + zero, lag, square)
+    error = LoadCellError(known.zero + zero, lag, square)
     return None if error == known else error
 
 

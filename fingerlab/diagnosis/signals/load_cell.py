@@ -12,10 +12,10 @@ from fingerlab.diagnosis.settings import FIRST_LOOK_S, FORCE_ZERO_RUNS, LEAST_FO
 from fingerlab.sessions.model import Array, Run, Session
 
 FORCE_ERROR = "force_error"
-"""Attribute of a run: the :class:`ForceError` of its load cell."""
+"""Attribute of a run: the :class:`LoadCellError` of its load cell."""
 
 
-class ForceError(NamedTuple):
+class LoadCellError(NamedTuple):
     """The force is ``reading - zero + lag * rate + lag_square * second derivative``; N, s, s^2."""
 
     zero: float = 0.0
@@ -23,7 +23,7 @@ class ForceError(NamedTuple):
     lag_square: float = 0.0
 
 
-def with_force_error(sessions: Sequence[Session], error: ForceError) -> tuple[Session, ...]:
+def with_force_error(sessions: Sequence[Session], error: LoadCellError) -> tuple[Session, ...]:
     """The sessions, with an error of the load cell's reading told to their runs."""
     if not any(error):
         return tuple(sessions)
