@@ -67,13 +67,14 @@ from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.score.selection import lacks_fit
 from fingerlab.diagnosis.search.exchange import ExchangedModel, odds_of_rivals
 from fingerlab.diagnosis.search.grid_refinement import fit_refined
-from fingerlab.diagnosis.search.load_cell import with_force_corrected
 from fingerlab.diagnosis.search.next_effect import at_edges, fitted_to_the_end
+from fingerlab.diagnosis.search.reading_errors import with_readings_corrected
 from fingerlab.diagnosis.search.strategy import Found, Question, Stages, begin_search, search_effects
 from fingerlab.diagnosis.settings import (
     FAR_LEFT,
     FULL_ITERATIONS,
     HALF_LEFT,
+    MOST_CORRECTIONS,
     NEARLY_RIGHT,
     REPLACING_SHARE,
     RUN_LOG_ODDS,
@@ -158,16 +159,18 @@ def _searched(
     stages: Stages,
     asked: DiagnosisOptions,
     with_curves: bool,
-    corrected: bool = False,
+    corrections: int = 0,
 ) -> _Searched:
     """The recordings read, what is missing of the model with these effects, and what there is to be shown.
 
-    Where much is left that an error of the load cell explains, all of it with its reading corrected.
+    Where much is left that an error of a channel explains, all of it with its reading corrected.
 
     Args:
-        corrected: the error was taken off already.
+        corrections: so many of them were made already.
     """
-    again = partial(_searched, reduction, catalogue, given, stages, asked, with_curves, corrected=True)
+    again = partial(
+        _searched, reduction, catalogue, given, stages, asked, with_curves, corrections=corrections + 1
+    )
     alone, display = None, _display() if with_curves else None
     reduction.begin(catalogue, stages.part(0.0, 0.2), read=bool(given))
     if given:
@@ -183,12 +186,14 @@ def _searched(
     check_held(reduction, scorer, given)
     question = Question(reduction, catalogue, given, stages, alone)
     begun = begin_search(question, scorer)
-    if not corrected and (other := with_force_corrected(reduction, begun.models, again, _outcome)):
+    may_correct = corrections < MOST_CORRECTIONS
+    corrected = partial(with_readings_corrected, reduction, again=again, outcome=_outcome)
+    if may_correct and (other := corrected(begun.models, ended=False)):
         return other
     found = search_effects(question, begun)
     if lacks_fit(found.path[-1], NEARLY_RIGHT):
         found = searched_again(question, scorer, found)
-    if not corrected and (other := with_force_corrected(reduction, found.models, again, _outcome)):
+    if may_correct and (other := corrected(found.models)):
         return other
     return question, found, display
 
@@ -357,7 +362,7 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
         held=dict(reduction.fixed),
         constants=reduction.constants,
         torque_noise=reduction.torque_noise,
-        force_error=reduction.force_error,
+        reading_errors=reduction.reading_errors,
         fitted=evidence.base,
         last=path[-1],
         bench=bench_findings(reduction, path[-1], by_last.run_offsets(path[-1])),

@@ -337,9 +337,18 @@ REPORTED_ZERO_DEG = 0.1
 friction look like it, and a sensor that is clamped anew repeats no better; assumed."""
 REPORTED_SKEW_S = 4e-4
 """From here on a skew between the channels is told, s: friction that no model holds makes 0.3 ms of it."""
-MOST_FORCE_LAG_S, LEAST_FORCE_LAG_S = 0.06, 1e-3
-"""A load cell's reading is late by up to so much, s, as of a filter of 3 Hz; below the least the skew of a
-card and the tip's friction look like it; both assumed."""
+MOST_READING_LAG_S, LEAST_READING_LAG_S = 0.06, 1e-3
+"""A channel's reading is late by up to so much, s, as of a filter of 3 Hz; below the least the skew of a card
+and the tip's friction look like it; both assumed."""
+MOST_READING_GAIN = 0.5
+"""The torque's scale is off by up to this share: a monitor's range that was set to another one; assumed."""
+MODELS_BESIDE_ERRORS = 3
+"""Beside so many models, the nearest, an error is looked for: an effect that it hides is seldom further off."""
+MOST_CORRECTIONS = 2
+"""So many channels are corrected in turn; assumed."""
+FOLLOWING_ROUNDS, SETTLED_LAG = 3, 0.02
+"""Late angles and torques are corrected so often at most, until this share of the lag is left: their laws are
+not linear; assumed."""
 LEAST_FORCE_ZERO, ZERO_SPREADS = 0.02, 5.0
 """What a load cell reads with nothing on it is taken off from this share of its readings in contact on, twice
 what its span may be off by (FC2231 data sheet), and so many times what it scatters by; assumed."""

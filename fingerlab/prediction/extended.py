@@ -10,12 +10,14 @@ from typing import Any, Literal, TypeVar
 from fingerlab.core.errors import UserError
 from fingerlab.core.plain_data import is_number
 from fingerlab.diagnosis.equations.parameters import nuisance_ranges
+from fingerlab.diagnosis.signals.reading_errors import CHANNELS, TORQUE, ReadingError, ReadingErrors
 from fingerlab.diagnosis.signals.scales import SI, Scales
 from fingerlab.effects import find_effect
 from fingerlab.effects.base import Effect
 from fingerlab.models.file import DIAGNOSIS_METHOD, ParameterEstimate, SavedModel, SessionHash
 from fingerlab.prediction.error_band import CELLS, Band
 from fingerlab.rig.file import Rig
+from fingerlab.sessions.model import Array
 
 Equation = Literal["both", "pip", "mcp"]
 EQUATIONS: tuple[Equation, ...] = ("both", "pip", "mcp")
@@ -59,6 +61,7 @@ class Variant:
         pip_weight: share of the PIP equation in the force that follows from both; the rest is MCP's.
         band: half width of the force's 90 % interval; None with fewer than two contact runs in the fit.
         scales: of the machine that it was fitted to; its equations are evaluated in those units.
+        readings: what was found to be wrong with channels as they are read, SI; the values hold without it.
     """
 
     effects: tuple[ChosenEffect, ...]
@@ -68,6 +71,12 @@ class Variant:
     pip_weight: float = 0.5
     band: Band | None = None
     scales: Scales = SI
+    readings: ReadingErrors = field(default_factory=dict)
+
+    def pulling(self, torque: Array) -> Array:
+        """What the motor pulls with where its channel reads ``torque``, N m."""
+        error = self.readings.get(TORQUE)
+        return torque if error is None else (1.0 + error.gain) * torque
 
     def reduced(self, values: Mapping[str, float], rig: Rig) -> Mapping[str, float]:
         """Values by key, from SI in the units of ``scales``."""
@@ -148,6 +157,7 @@ def _variant_json(variant: Variant) -> dict[str, Any]:
         "pip_weight": variant.pip_weight,
         "interval": None if variant.band is None else vars(variant.band),
         "scales": vars(variant.scales),
+        **({"readings": {k: e._asdict() for k, e in variant.readings.items()}} if variant.readings else {}),
     }
 
 
@@ -211,7 +221,14 @@ def _variant(data: Mapping[str, Any], effects: tuple[ChosenEffect, ...]) -> Vari
         _number(data["pip_weight"]),
         None if band is None else _band(band),
         _scales(data.get("scales", {})),
+        {_channel(name): ReadingError(**_numbers(one)) for name, one in data.get("readings", {}).items()},
     )
+
+
+def _channel(name: str) -> str:
+    if name not in CHANNELS:
+        raise ValueError
+    return name
 
 
 def _scales(data: Mapping[str, Any]) -> Scales:

@@ -23,6 +23,7 @@ from fingerlab.core.errors import UserError
 from fingerlab.core.text import amount
 from fingerlab.diagnosis.settings import WIDE_RATE_HZ, Z90
 from fingerlab.diagnosis.signals.filters import low_pass_kernel
+from fingerlab.diagnosis.signals.reading_errors import in_reduced_units, with_errors
 from fingerlab.diagnosis.signals.scales import reduced_rig, reduced_run
 from fingerlab.diagnosis.signals.segments import segments_of
 from fingerlab.physics.motion import Motion
@@ -76,9 +77,8 @@ class Along:
     def __init__(self, variant: Variant, wanted: WantedForce, run: Run, rig: Rig, where: str) -> None:
         self._variant, self._wanted, self._where = variant, wanted, where
         scales = variant.scales
-        motions = list(
-            segments_of(replace(reduced_run(run, scales), phase="on_air"), reduced_rig(rig, scales))
-        )
+        read = with_errors(reduced_run(run, scales), in_reduced_units(variant.readings, scales))
+        motions = list(segments_of(replace(read, phase="on_air"), reduced_rig(rig, scales)))
         if len(motions) != 1:
             raise UserError(
                 f"Run {run.name} has gaps; close other programs, and take it again before a feed-forward is "
@@ -155,7 +155,7 @@ class Along:
         return replace(motion, position=motion.position - shift, _memory={})
 
     def _predicted(self, torque: Array) -> Array:
-        pulled = replace(self._motion, torque=torque, _memory={})
+        pulled = replace(self._motion, torque=self._variant.pulling(torque), _memory={})
         forces = forces_of_motion(pulled, self._effects, self._values, self._where, self._force)
         weight = self._variant.pip_weight
         mixed = weight * forces["pip"] + (1.0 - weight) * forces["mcp"]

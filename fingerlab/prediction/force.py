@@ -39,7 +39,7 @@ from fingerlab.diagnosis.equations.features import (
 from fingerlab.diagnosis.gram.decimation import counted
 from fingerlab.diagnosis.settings import LIFTED_M, SLIP_STIFFNESSES
 from fingerlab.diagnosis.signals.filters import decimate
-from fingerlab.diagnosis.signals.load_cell import FORCE_ERROR, LoadCellError
+from fingerlab.diagnosis.signals.reading_errors import ReadingErrors, in_reduced_units, with_errors
 from fingerlab.diagnosis.signals.scales import SI, Scales, reduced_rig, reduced_run
 from fingerlab.diagnosis.signals.segments import segments_of
 from fingerlab.effects.base import Effect, Row
@@ -54,6 +54,7 @@ LEVELS_N = (-1.0, 0.0, TOUCHING_FORCE_N, 1.0)
 ROUNDS = 4
 """How a tip rubs follows from the force, which follows from how it rubs: solved by turns. Each
 turn lowers what is left by the friction coefficient; the first knows of no rubbing."""
+NONE_KNOWN: ReadingErrors = {}
 JOINT_ROWS = {"pip": Row.PIP, "mcp": Row.MCP}
 
 
@@ -78,12 +79,12 @@ class Stretch:
 
 
 def contact_stretches(
-    session: Session, run: Run, scales: Scales = SI, zero: float = 0.0
+    session: Session, run: Run, scales: Scales = SI, errors: ReadingErrors = NONE_KNOWN
 ) -> Iterator[Stretch]:
     """The stretches of a contact run, in reduced units.
 
     Args:
-        zero: what the load cell reads with nothing on it, N.
+        errors: of its channels' readings, SI; they are taken off.
 
     Raises:
         UserError: the rig gives no finger, or a channel is missing, not a number, or too short.
@@ -92,10 +93,8 @@ def contact_stretches(
         raise UserError(f"{session.path} gives no finger constants; its rig text needs 'finger'.")
     cell = run.has("endpoint_force") and bool(np.all(np.isfinite(run.channel("endpoint_force"))))
     run, rig = reduced_run(run, scales), reduced_rig(session.rig, scales)
-    zeroed = replace(run, attributes={**run.attributes, FORCE_ERROR: LoadCellError(zero / scales.of("N"))})
-    measured = (
-        [_narrowed(m, m.force) for m in segments_of(zeroed, rig) if m.force is not None] if cell else []
-    )
+    run = with_errors(run, in_reduced_units(errors, scales))
+    measured = [_narrowed(m, m.force) for m in segments_of(run, rig) if m.force is not None] if cell else []
     # Read as free motion, so that what the load cell says cannot enter the prediction.
     for number, motion in enumerate(segments_of(replace(run, phase="on_air"), rig)):
         time = _narrowed(motion, motion.time)

@@ -184,7 +184,7 @@ def _by_variant(
     reduced, wanted = reduced_motion(motion, scales), force / newton
 
     def predicted(torque: Array, by: Mapping[str, float] = values) -> Array:
-        pulled = replace(reduced, torque=torque, _memory={})
+        pulled = replace(reduced, torque=variant.pulling(torque), _memory={})
         forces = forces_of_motion(pulled, effects, by, where, wanted)
         weight = variant.pip_weight
         mixed = weight * forces["pip"] + (1.0 - weight) * forces["mcp"]

@@ -24,10 +24,16 @@ from fingerlab.diagnosis.score.bench_constants import settle_constants
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.search.grid_refinement import fit_refined
-from fingerlab.diagnosis.search.load_cell import with_force_corrected
+from fingerlab.diagnosis.search.reading_errors import with_readings_corrected
 from fingerlab.diagnosis.settings import FULL_ITERATIONS, NARROW_RATE_HZ
 from fingerlab.diagnosis.signals.conditions import GroupKey, folds_of_runs, group_key
-from fingerlab.diagnosis.signals.load_cell import zero_in_the_air
+from fingerlab.diagnosis.signals.reading_errors import (
+    FORCE,
+    NO_ERROR,
+    ReadingErrors,
+    in_si,
+    zero_in_the_air,
+)
 from fingerlab.effects import effect
 from fingerlab.models.file import hash_sessions
 from fingerlab.prediction.error_band import (
@@ -79,11 +85,11 @@ def contact_forces(variant: Variant, session: Session, sha256: str, where: str) 
     effects = [c.alone(scales) for c in variant.effects]
     second, newton = scales.time, scales.of("N")
     result = []
-    zero = zero_in_the_air(session.runs) or 0.0
+    errors = _errors(variant, session)
     for run in session.contact_runs():
         without = variant.values_without(sha256, run.name)
         values = variant.reduced(variant.values if without is None else without, session.rig)
-        for one in contact_stretches(session, run, scales, zero):
+        for one in contact_stretches(session, run, scales, errors):
             forces = solved_forces(one, effects, values, where)
             result.append(
                 StretchForces(
@@ -93,6 +99,14 @@ def contact_forces(variant: Variant, session: Session, sha256: str, where: str) 
                 )
             )  # fmt: skip
     return result
+
+
+def _errors(variant: Variant, session: Session) -> ReadingErrors:
+    """Errors of a session's readings, SI: those of the fit, with the load cell's zero of this session."""
+    zero = zero_in_the_air(session.runs)
+    if zero is None:
+        return variant.readings
+    return {**variant.readings, FORCE: variant.readings.get(FORCE, NO_ERROR)._replace(zero=zero)}
 
 
 def by_run(forces: Sequence[StretchForces], errors: Sequence[RunError | None]) -> list[RunError]:
@@ -269,9 +283,9 @@ def swept(variant: Variant, session: Session, sha256: str, where: str) -> Mappin
     effects = [chosen.alone(scales) for chosen in variant.effects]
     second, newton = scales.time, scales.of("N")
     result = {}
-    zero = zero_in_the_air(session.runs) or 0.0
+    errors = _errors(variant, session)
     for run in session.contact_runs():
-        stretch = max(contact_stretches(session, run, scales, zero), key=lambda one: len(one.time))
+        stretch = max(contact_stretches(session, run, scales, errors), key=lambda one: len(one.time))
         if stretch.frequency_hz == 0.0:
             continue
         values = variant.values_without(sha256, run.name) or variant.values
@@ -339,7 +353,7 @@ def _fit(
         refined = partial(fit_refined, reduction, chosen, watch)
         scorer, whole = refined()
         models = [scorer.score_held_out(one) for one in (whole, scorer.fit([], whole))]
-        scorer, whole = with_force_corrected(reduction, models, refined, _outcome) or (scorer, whole)
+        scorer, whole = with_readings_corrected(reduction, models, refined, _outcome) or (scorer, whole)
         tell(0.6, "fitting")
         nominal = scorer.fit([], scorer.fit([], whole), FULL_ITERATIONS)
         models = [_first(scorer, whole, count) for count in counts]
@@ -350,7 +364,9 @@ def _fit(
         done: list[Variant] = []
         for number, fitted in enumerate([nominal, *(t for t in models if t.choices)]):
             tell(0.7 + 0.3 * number / (len(models) + 1), "calibrating the interval")
-            done.append(_calibrated(_variant(scorer, fitted, folds), sessions, by_session))
+            readings = in_si(reduction.reading_errors, reduction.scales)
+            variant = replace(_variant(scorer, fitted, folds), readings=readings)
+            done.append(_calibrated(variant, sessions, by_session))
         parameters = [every_parameter(t, t.temperature()) for t in map(scorer.score_held_out, models)]
     plain, extended, rig = done[0], iter(done[1:]), sessions[0].rig.to_json()
     return tuple(

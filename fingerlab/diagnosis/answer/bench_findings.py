@@ -33,6 +33,7 @@ from fingerlab.diagnosis.signals.filters import (
     Repair,
     without_spikes,
 )
+from fingerlab.diagnosis.signals.reading_errors import CHANNELS, FORCE, JOINTS, TORQUE
 from fingerlab.diagnosis.signals.scales import as_recorded
 from fingerlab.sessions.model import CHANNEL_UNITS
 
@@ -53,7 +54,7 @@ def bench_findings(
         *_turned(reduction),
         *_moved(reduction, offsets),
         *_skew(reduction, last),
-        *_load_cell(reduction),
+        *_readings(reduction, last),
         *_spikes(reduction),
         *_lost(reduction),
         *_repeated(reduction),
@@ -108,7 +109,7 @@ def _skew(reduction: Reduction, last: FittedModel) -> list[BenchFinding]:
         (TORQUE_LAG, "motor_torque", 0.0, drive, held, filtered),
     ):
         place = last.model.index.get(key)
-        if place is None or last.model.delayed:
+        if place is None or last.model.delayed or (key == DELAY and JOINTS in reduction.reading_errors):
             continue
         late, unsure = float(last.fit.values[place]), float(last.fit.deviations[place])
         if abs(late) < max(least, REPORTED_OFFSET * unsure):
@@ -121,23 +122,44 @@ def _skew(reduction: Reduction, last: FittedModel) -> list[BenchFinding]:
     return found
 
 
-def _load_cell(reduction: Reduction) -> list[BenchFinding]:
-    """A load cell that was found to read something with nothing on it, or late."""
-    newton, seconds, error = reduction.scales.of("N"), reduction.scales.of("s"), reduction.force_error
-    found, late, zero = [], error.lag * seconds, error.zero * newton
-    if zero:
-        told_by = "in free motion" if reduction.zero_in_the_air else "as the joints tell in contact"
-        said = f"The load cell reads {_number(zero)} N with nothing on it, {told_by}; that is taken off"
-        advice = "set its zero before the runs, with the finger clear of it"
-        found.append(BenchFinding("zero", "endpoint_force", zero, "N", (), said, advice))
-    if late:
-        after = "after" if late > 0 else "before"
-        said = f"The load cell's reading comes {_number(abs(late) * 1e3)} ms {after} the motor and the joints"
-        cutoff = _number(1.0 / (2.0 * np.pi * late))
-        said += f", as behind a first-order filter of {cutoff} Hz" if late > 0 else ""
-        said += "; it is corrected for that"
-        advice = "set its amplifier to a higher cut-off, or correct its times"
-        found.append(BenchFinding("skew", "endpoint_force", late, "s", (), said, advice))
+_READ = {
+    FORCE: (
+        "The load cell's reading comes",
+        "the motor and the joints",
+        "set its amplifier's cut-off higher",
+    ),
+    JOINTS: ("The joint angles come", "the motor and the load cell", "set their filters' cut-off higher"),
+    TORQUE: ("The motor's torque comes", "the joints and the load cell", "log its current unfiltered"),
+}
+"""How it is told that a channel is late, later than what, and what to do."""
+
+
+def _readings(reduction: Reduction, last: FittedModel) -> list[BenchFinding]:
+    """Channels that were found to read something where there is nothing, at another scale, or late."""
+    newton, found = reduction.scales.of("N"), []
+    for name, error in reduction.reading_errors.items():
+        channel, (what, than, advice) = CHANNELS[name][0], _READ[name]
+        skew = last.values.get(DELAY, 0.0) if name == JOINTS else 0.0
+        zero, late = error.zero * newton, (error.lag + skew) * reduction.scales.of("s")
+        if zero:
+            told_by = "in free motion" if reduction.zero_in_the_air else "as the joints tell in contact"
+            said = f"The load cell reads {_number(zero)} N with nothing on it, {told_by}; that is taken off"
+            to_do = "set its zero before the runs, with the finger clear of it"
+            found.append(BenchFinding("zero", channel, zero, "N", (), said, to_do))
+        if error.gain:  # beside what the rig file's tolerance takes of it
+            scale = (1.0 + error.gain) * (1.0 - last.values.get("torque_gain", 0.0))
+            said = (
+                f"The motor's torque is {_number(scale)} times what its channel reads, as springs, weights "
+            )
+            said += "and the load cell tell; it is corrected for that"
+            to_do = "check the amplifier's monitor, and the gear ratio and torque constant in the rig file"
+            found.append(BenchFinding("scale", channel, scale, "1", (), said, to_do))
+        if late:
+            said = f"{what} {_number(abs(late) * 1e3)} ms {'after' if late > 0 else 'before'} {than}"
+            cutoff = _number(1.0 / (2.0 * np.pi * late))
+            said += f", as behind a first-order filter of {cutoff} Hz" if late > 0 else ""
+            said, to_do = f"{said}; it is corrected for that", f"{advice}, or correct its times"
+            found.append(BenchFinding("skew", channel, late, "s", (), said, to_do))
     return found
 
 

@@ -90,7 +90,7 @@ class ParameterExplorer:
         self._display, self._runs = Display(), reduction.runs
         with threadpool_limits(limits=1, user_api="blas"):
             reduction.resume(
-                diagnosis.held, diagnosis.constants, diagnosis.torque_noise, diagnosis.force_error
+                diagnosis.held, diagnosis.constants, diagnosis.torque_noise, diagnosis.reading_errors
             )
             effects = at_found_shapes(base)
             self._scorer = Scorer(reduction.of(effects, watch, self._display.keep))

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from fingerlab.diagnosis.gram.sums import FloorFrom, TorqueNoise
     from fingerlab.diagnosis.score.calibration import CalibratedAnswer, Odds, Predicted, Verdict
     from fingerlab.diagnosis.score.fitted_model import FittedModel
-    from fingerlab.diagnosis.signals.load_cell import LoadCellError
+    from fingerlab.diagnosis.signals.reading_errors import ReadingErrors
 
 
 @dataclass(frozen=True)
@@ -134,6 +134,7 @@ FINDINGS = {
     "uneven_times": "gaps",
     "skew": "skew",
     "turned": "sense",
+    "scale": "unit",
     "missing_channel": "dead_channel",
 }
 """Kinds of findings, and what ``diagnose --json`` calls them; the motor torque's zero is the amplifier's."""
@@ -145,7 +146,7 @@ class BenchFinding:
 
     Attributes:
         kind: "moving_zero", "zero", "spikes", "lost_samples", "uneven_times", "held", "skew", "turned",
-            "missing_channel".
+            "scale", "missing_channel".
         channel: that it is about. size: how much of it, in ``unit``. runs: that show it.
         sentence: what was found. advice: what to do about it; both without a full stop.
     """
@@ -250,7 +251,7 @@ class Diagnosis:
     ``fitted``: the model as given, as it was fitted; ``last``: the one at the end of the path.
     ``constants``: that every run has of its own; None: none were found. ``torque_noise``: how much
     is noise of what no law of the state tells of a motor's torque; the rest follows the past, or the run.
-    ``force_error``: what was taken off the load cell's reading, in reduced units.
+    ``reading_errors``: what was taken off the channels' readings, in reduced units.
     """
 
     sessions: tuple[str, ...]
@@ -294,7 +295,7 @@ class Diagnosis:
     last: FittedModel | None = field(default=None, repr=False, compare=False)
     constants: RunConstants | None = field(default=None, repr=False, compare=False)
     torque_noise: TorqueNoise | None = field(default=None, repr=False, compare=False)
-    force_error: LoadCellError | None = field(default=None, repr=False, compare=False)
+    reading_errors: ReadingErrors = field(default_factory=dict, repr=False, compare=False)
 
     def to_json(self) -> dict[str, Any]:
         """The object that ``diagnose --json`` writes, ready for ``json.dumps``."""

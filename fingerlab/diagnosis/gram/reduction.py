@@ -57,7 +57,14 @@ from fingerlab.diagnosis.signals.conditions import (
     with_interventions,
 )
 from fingerlab.diagnosis.signals.filters import Repair
-from fingerlab.diagnosis.signals.load_cell import LoadCellError, with_force_error, zero_in_the_air
+from fingerlab.diagnosis.signals.reading_errors import (
+    FORCE,
+    NO_ERROR,
+    ReadingError,
+    ReadingErrors,
+    with_reading_errors,
+    zero_in_the_air,
+)
 from fingerlab.diagnosis.signals.scales import Scales, as_recorded, find_scales, reduced_sessions
 from fingerlab.diagnosis.signals.segments import ChannelSigns, check_senses, is_fragmented, segments_of
 from fingerlab.effects.base import Effect, Shape
@@ -95,7 +102,7 @@ class Reduction:
             UserError: there is nothing to analyse.
         """
         self._given = tuple(sessions)
-        self._on_bench = runs_to_analyse(sessions)[1]
+        self.on_bench = runs_to_analyse(sessions)[1]
         self._executor, self._scales = executor, scales
         self._asked: list[_Key] | None = None
         self._seen: dict[str, tuple[Shape, ...]] = {}
@@ -103,7 +110,7 @@ class Reduction:
         self._settled_constants: RunConstants | None = None
         self.settled = False
         self.late_torque = False
-        self._force_error: LoadCellError | None = None
+        self._reading_errors: ReadingErrors = {}
         self.torque_noise: TorqueNoise = ALL_NOISE
         self.fixed: Mapping[str, float] = {}
         self.repairs: dict[int, Mapping[Repair, int]] = {}
@@ -118,7 +125,7 @@ class Reduction:
     @cached_property
     def sessions(self) -> tuple[Session, ...]:
         """The sessions in reduced units."""
-        return with_force_error(self._as_read, self.force_error)
+        return with_reading_errors(self._as_read, self.reading_errors)
 
     @cached_property
     def _as_read(self) -> tuple[Session, ...]:
@@ -130,9 +137,10 @@ class Reduction:
         return zero_in_the_air([run for session in self._as_read for run in session.runs])
 
     @property
-    def force_error(self) -> LoadCellError:
-        """What was found of the load cell's reading, in reduced units; taken off wherever runs are read."""
-        return LoadCellError(self.zero_in_the_air or 0.0) if self._force_error is None else self._force_error
+    def reading_errors(self) -> ReadingErrors:
+        """What was found of the channels' readings, in reduced units; taken off wherever runs are read."""
+        zero = self.zero_in_the_air
+        return ({FORCE: ReadingError(zero)} if zero else {}) | dict(self._reading_errors)
 
     @cached_property
     def pairs(self) -> list[tuple[Session, Run]]:
@@ -150,21 +158,22 @@ class Reduction:
         """Begin a call that asks for nothing that another left: no constants but those of the bare model."""
         self.fixed, self.constants = dict(fixed or {}), self._settled_constants
         self.torque_noise = ALL_NOISE
-        self.correct_force(None)
+        self.correct_readings({})
 
     def settle(self, constants: RunConstants | None) -> None:
         """Keep what was found under the bare model."""
         self.constants = self._settled_constants = constants
         self.settled = True
 
-    def correct_force(self, error: LoadCellError | None) -> None:
-        """Take this error off the load cell's reading; None: what is read in the air.
+    def correct_readings(self, errors: ReadingErrors) -> None:
+        """Take these errors off the channels' readings, and what the load cell reads in the air.
 
-        If it was another one, the runs are read anew when they are asked for, and constants of the runs that
+        If they were others, the runs are read anew when they are asked for, and constants of the runs that
         were found under the bare model are looked for again.
         """
-        before, self._force_error = self.force_error, error
-        if self.force_error == before:
+        before = self.reading_errors
+        self._reading_errors = {name: error for name, error in errors.items() if error != NO_ERROR}
+        if self.reading_errors == before:
             return
         for name in ("sessions", "pairs"):
             vars(self).pop(name, None)
@@ -176,10 +185,10 @@ class Reduction:
         fixed: Mapping[str, float],
         constants: RunConstants | None,
         torque_noise: TorqueNoise | None = None,
-        force_error: LoadCellError | None = None,
+        reading_errors: ReadingErrors | None = None,
     ) -> None:
-        """Go on from an answer: what it had fixed, the constants of its runs, what was noise, its forces."""
-        self.correct_force(force_error)
+        """Go on from an answer: what it had fixed, the constants of its runs, noise, its readings."""
+        self.correct_readings(reading_errors or {})
         self.fixed, self.constants, self.torque_noise = fixed, constants, torque_noise or ALL_NOISE
 
     def _forget(self) -> None:
@@ -195,7 +204,7 @@ class Reduction:
         Raises:
             UserError: the rig file gives a range that is none.
         """
-        seen = [self._suited(e) if e.shapes_seen is not None and self._on_bench else e for e in effects]
+        seen = [self._suited(e) if e.shapes_seen is not None and self.on_bench else e for e in effects]
         return [narrowed(effect, self._given[0].rig, self.scales) for effect in seen]
 
     def _suited(self, effect: Effect) -> Effect:
@@ -221,7 +230,7 @@ class Reduction:
     @cached_property
     def _orders(self) -> tuple[float, ...]:
         """Periods a turn at which the torque of a motor alone repeats with its angle."""
-        return tuple(strongest_lines(self._looked_at()))[:STATE_ORDERS] if self._on_bench else ()
+        return tuple(strongest_lines(self._looked_at()))[:STATE_ORDERS] if self.on_bench else ()
 
     def is_of(self, sessions: Sequence[Session]) -> bool:
         """Whether it was made of these very sessions."""
@@ -364,7 +373,7 @@ class Reduction:
         return [
             e
             for e in effects
-            if (e.bench is True or not self._on_bench)
+            if (e.bench is True or not self.on_bench)
             and (not e.phases or phases & set(e.phases))
             and cables >= set(e.cables)
         ]
@@ -397,7 +406,7 @@ class Reduction:
         asked, start = {}, 0
         for on_bench, layout in layouts.items():
             found = asked_of(layout, effects, self._first.get(on_bench), start, anew, seek_cycle)
-            in_parts = self._on_bench and len(runs) <= FEW_RUNS
+            in_parts = self.on_bench and len(runs) <= FEW_RUNS
             asked[on_bench] = replace(found, orders=self._orders, by_state=by_state, in_parts=in_parts)
             start += layout.signal_count
         whole = joined(*layouts.values())
@@ -428,11 +437,11 @@ class Reduction:
         check_senses(seen)
         for group in groups.values():
             remove_common_trend(group)
-        radius = 1.0 if self._on_bench else pairs[0][0].rig.motor.pulley_radius or 1.0
+        radius = 1.0 if self.on_bench else pairs[0][0].rig.motor.pulley_radius or 1.0
         changed = tuple(self._changed_pairs(runs, effects, each, whole.signal_count))
         every = list(groups.values())
         now = self.constants, self.fixed, changed, self.torque_noise
-        return Reduced(whole, every, self._on_bench, radius, *now)
+        return Reduced(whole, every, self.on_bench, radius, *now)
 
     def _changed_pairs(
         self, runs: Sequence[Run], effects: Sequence[Effect], asked: Sequence[ReadRequest], size: int

@@ -115,8 +115,8 @@ class Found:
 
     @property
     def models(self) -> list[FittedModel]:
-        """The model that the path leads to, those that were as near, and the one as given."""
-        return [self.path[-1], *(one for _, one in self.looked_at.values()), self.path[0]]
+        """The model that the path leads to, those that were as near, those on the way; the given one last."""
+        return [self.path[-1], *(one for _, one in self.looked_at.values()), *reversed(self.path[:-1])]
 
     @property
     def better(self) -> ExchangedModel | None:

@@ -50,7 +50,7 @@ from fingerlab.diagnosis.signals.filters import (
     usual_wait,
     without_spikes,
 )
-from fingerlab.diagnosis.signals.load_cell import FORCE_ERROR, LoadCellError
+from fingerlab.diagnosis.signals.reading_errors import corrected
 from fingerlab.diagnosis.signals.scales import LEAST_SECONDS, as_recorded, reduced_change, scales_of
 from fingerlab.physics.motion import Motion
 from fingerlab.physics.nominal import JointMotion
@@ -225,7 +225,7 @@ def _motion(
     rate = run.sample_rate_hz / step
 
     def read(name: str) -> Array:
-        return at_wide_rate(differentiate(samples[name], kernels, step), rate)
+        return at_wide_rate(differentiate(corrected(run, name, samples[name]), kernels, step), rate)
 
     wide = rate if is_wide_rate(rate) else WIDE_RATE_HZ
     behind = lead // step if is_wide_rate(rate) else math.ceil(lead / run.sample_rate_hz * wide)
@@ -330,10 +330,8 @@ def _force(run: Run, samples: Mapping[str, Array], lead: int, kernels: Array, st
             f"Run {run.name} is a contact run, but 'endpoint_force' holds values that are not numbers; "
             "it needs the load cell's force in N."
         )
-    error: LoadCellError = run.attributes.get(FORCE_ERROR, LoadCellError())
-    late = (error.lag, error.lag_square) if error.lag else ()
-    narrow = differentiate(np.nan_to_num(values), kernels[:, : 1 + len(late)], step)
-    return np.asarray((1.0, *late) @ at_wide_rate(narrow, run.sample_rate_hz / step) - error.zero)
+    narrow = differentiate(corrected(run, "endpoint_force", np.nan_to_num(values)), kernels[:, :1], step)
+    return np.asarray(at_wide_rate(narrow, run.sample_rate_hz / step)[0])
 
 
 @dataclass(frozen=True)

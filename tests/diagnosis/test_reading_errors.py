@@ -12,7 +12,7 @@ import pytest
 from fingerlab.diagnosis import DiagnosisOptions, diagnose
 from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.diagnosis.gram.reduction import Reduction
-from fingerlab.diagnosis.signals.load_cell import LoadCellError, with_force_error
+from fingerlab.diagnosis.signals.reading_errors import FORCE, ReadingError, with_reading_errors
 from fingerlab.diagnosis.signals.segments import segments_of
 from fingerlab.prediction import fit_extended
 from fingerlab.sessions import Run, Session, open_session
@@ -45,7 +45,7 @@ def test_a_bench_that_lacks_nothing_is_told_its_filter_alone(tmp_path: Path) -> 
     assert lags(found) == pytest.approx([LAG_S], rel=0.1)
     assert found.verdict == "nothing_missing"
     assert found.score < 1.1
-    assert again.force_error == found.force_error
+    assert again.reading_errors == found.reading_errors
     assert [(c.effect, c.probability) for c in again.candidates] == [
         (c.effect, c.probability) for c in found.candidates
     ]
@@ -97,7 +97,7 @@ def test_the_effect_is_named_beside_it(tmp_path: Path) -> None:
 def test_a_corrected_reading_is_what_went_into_the_filter(tmp_path: Path) -> None:
     """Of a filter of first order the input is its output and the time constant times its slope."""
     clean = recorded(tmp_path / "plain.h5", {}, 33)
-    corrected = with_force_error([WAYS["filter"](clean)], LoadCellError(0.0, LAG_S))[0]
+    corrected = with_reading_errors([WAYS["filter"](clean)], {FORCE: ReadingError(lag=LAG_S)})[0]
     for was, now in zip(clean.contact_runs(), corrected.contact_runs(), strict=True):
         before, after = (next(segments_of(run, clean.rig)).force for run in (was, now))
         assert before is not None

@@ -1,0 +1,118 @@
+"""What is wrong with channels as they are read: a zero, a scale, a lag; taken off where runs are read."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from fingerlab.diagnosis.settings import FIRST_LOOK_S, FORCE_ZERO_RUNS, LEAST_FORCE_ZERO, ZERO_SPREADS
+from fingerlab.diagnosis.signals.scales import Scales
+from fingerlab.sessions.model import CHANNEL_UNITS, Array, Run, Session
+
+FORCE, JOINTS, TORQUE = "endpoint_force", "joint_angles", "motor_torque"
+CHANNELS = {FORCE: (FORCE,), JOINTS: ("mcp_angle", "pip_angle"), TORQUE: (TORQUE,)}
+"""Channels of one sensor, or of two that are alike: what is wrong with one is wrong with the other."""
+
+_ERRORS = "reading_errors"
+"""Attribute of a run: the :class:`ReadingError` of each of its channels that has one."""
+
+
+class ReadingError(NamedTuple):
+    """What is there is ``(1 + gain) * (reading - zero) + lag * rate + lag_square * second derivative``.
+
+    ``zero`` in the channel's unit, ``gain`` a share, ``lag`` in s, ``lag_square`` in s^2.
+    """
+
+    zero: float = 0.0
+    gain: float = 0.0
+    lag: float = 0.0
+    lag_square: float = 0.0
+
+    @property
+    def late(self) -> bool:
+        """Whether it is not the same at every moment."""
+        return bool(self.lag or self.lag_square)
+
+    def then(self, other: ReadingError) -> ReadingError:
+        """What both are together; ``other`` is an error of what is left when this one is taken off."""
+        mine, its = 1.0 + self.gain, 1.0 + other.gain
+        return ReadingError(
+            self.zero + other.zero / mine,
+            mine * its - 1.0,
+            its * self.lag + mine * other.lag,
+            its * self.lag_square + self.lag * other.lag + mine * other.lag_square,
+        )
+
+
+NO_ERROR = ReadingError()
+ReadingErrors = Mapping[str, ReadingError]
+"""Of some of ``CHANNELS``, those that have one."""
+
+
+def with_reading_errors(sessions: Sequence[Session], errors: ReadingErrors) -> tuple[Session, ...]:
+    """The sessions, with the errors of their channels told to their runs."""
+    if not errors:
+        return tuple(sessions)
+    return tuple(replace(s, runs=tuple(with_errors(run, errors) for run in s.runs)) for s in sessions)
+
+
+def with_errors(run: Run, errors: ReadingErrors) -> Run:
+    """The run, with the errors of its channels told to it."""
+    told = {name: error for of, error in errors.items() for name in CHANNELS[of] if error != NO_ERROR}
+    return replace(run, attributes={**run.attributes, _ERRORS: told})
+
+
+def in_si(errors: ReadingErrors, scales: Scales) -> ReadingErrors:
+    """Errors in reduced units, in SI."""
+    return {name: _times(error, name, scales.of) for name, error in errors.items()}
+
+
+def in_reduced_units(errors: ReadingErrors, scales: Scales) -> ReadingErrors:
+    """Errors in SI, in reduced units."""
+    return {name: _times(error, name, lambda unit: 1.0 / scales.of(unit)) for name, error in errors.items()}
+
+
+def _times(error: ReadingError, name: str, size: Callable[[str], float]) -> ReadingError:
+    unit, second = CHANNEL_UNITS[CHANNELS[name][0]], size("s")
+    return ReadingError(error.zero * size(unit), error.gain, error.lag * second, error.lag_square * second**2)
+
+
+def corrected(run: Run, name: str, values: Array) -> Array:
+    """Samples of a channel, (n,), without what was told to be wrong with its reading."""
+    error: ReadingError = run.attributes.get(_ERRORS, {}).get(name, NO_ERROR)
+    if error == NO_ERROR:
+        return values
+    found = (1.0 + error.gain) * (values - error.zero)
+    if error.late:
+        rate = np.gradient(values, 1.0 / run.sample_rate_hz)
+        found += error.lag * rate + error.lag_square * np.gradient(rate, 1.0 / run.sample_rate_hz)
+    return np.asarray(found)
+
+
+def zero_in_the_air(runs: Sequence[Run]) -> float | None:
+    """What the load cell reads in runs in which nothing touches it, in its unit; None: none of them tells.
+
+    Zero, where that is no more than readings scatter from run to run, or nothing beside those in contact.
+    """
+    free = _medians([run for run in runs if run.phase == "on_air"])
+    if not len(free):
+        return None
+    zero = float(np.median(free))
+    spread = float(np.std(free)) if len(free) > 1 else 0.0
+    pressed = _medians([run for run in runs if run.phase == "contact"])
+    least = LEAST_FORCE_ZERO * float(np.median(np.abs(pressed - zero))) if len(pressed) else np.inf
+    return zero if abs(zero) > max(least, ZERO_SPREADS * spread) else 0.0
+
+
+def _medians(runs: Sequence[Run]) -> Array:
+    """Median reading of some of the runs, evenly among them; without those that hold none."""
+    read = [run for run in runs if run.has(FORCE)]
+    found = []
+    for run in read[:: -(-len(read) // FORCE_ZERO_RUNS) or 1]:
+        samples = run.load([FORCE], 0, int(FIRST_LOOK_S * run.sample_rate_hz))[FORCE]
+        samples = samples[np.isfinite(samples)]
+        found += [float(np.median(samples))] if len(samples) else []
+    return np.array(found)
