@@ -343,7 +343,7 @@ and the tip's friction look like it; both assumed."""
 MOST_READING_GAIN = 0.5
 """The torque's scale is off by up to this share: a monitor's range that was set to another one; assumed."""
 MODELS_BESIDE_ERRORS = 3
-"""Beside so many models, the nearest, an error is looked for: an effect that it hides is seldom further off."""
+"""Beside so many models, the nearest, an error is looked for: what it hides is seldom further; assumed."""
 MOST_CORRECTIONS = 2
 """So many channels are corrected in turn; assumed."""
 FOLLOWING_ROUNDS, SETTLED_LAG = 3, 0.02

@@ -1,4 +1,4 @@
-"""A load cell behind a filter, or not at zero: found, told and taken off, and what is missing is named."""
+"""Channels behind a filter, not at zero or at another scale: found, told, taken off; the effect is named."""
 
 from __future__ import annotations
 
@@ -14,11 +14,13 @@ from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.signals.reading_errors import FORCE, ReadingError, with_reading_errors
 from fingerlab.diagnosis.signals.segments import segments_of
-from fingerlab.prediction import fit_extended
+from fingerlab.prediction import fit_extended, predict_extended
+from fingerlab.prediction.extended import ExtendedModel, extended_model, model_of_extended
 from fingerlab.sessions import Run, Session, open_session
+from fingerlab.sessions.model import Array
 from fingerlab.twin.protocols import load_preset
 from fingerlab.twin.session import write_session
-from tests.hidden.dirt import CELL_CUTOFF_HZ, CELL_MOVES_N, CELL_ZERO_N, WAYS
+from tests.hidden.dirt import ANGLES_CUTOFF_HZ, CELL_CUTOFF_HZ, CELL_MOVES_N, CELL_ZERO_N, SCALE, WAYS
 
 from .test_no_alarm import shortened
 
@@ -92,6 +94,54 @@ def test_the_effect_is_named_beside_it(tmp_path: Path) -> None:
     model = fit_extended([session], found.final_model)
     friction = "motor_coulomb_friction.coulomb"
     assert model.parameters[friction].value == pytest.approx(found.final_parameters[friction].value, rel=0.02)
+
+
+def test_angles_behind_a_filter_are_corrected_in_a_saved_model_too(tmp_path: Path) -> None:
+    """Its force is as near to the load cell's as of the same bench without the filter."""
+    clean = recorded(tmp_path / "rubs.h5", {"motor_coulomb_friction": {"torque": 0.006}}, 36)
+    session = WAYS["angles"](clean)
+    found = diagnose([session], with_curves=False)
+    late = [one.size for one in found.bench if one.kind == "skew"]
+    assert late == pytest.approx([1.0 / (2.0 * pi * ANGLES_CUTOFF_HZ)], rel=0.05)
+    assert found.final_model == ("motor_coulomb_friction",)
+    assert found.path[-1].score < 1.2
+    model = fit_extended([session], found.final_model)
+    kept = extended_model(model_of_extended(model), "the model")
+    assert kept.extended.readings == model.extended.readings
+    assert missed(session, kept) < 1.1 * missed(clean, fit_extended([clean], found.final_model))
+
+
+def missed(session: Session, model: ExtendedModel) -> float:
+    """By how much its forces miss the load cell's, rms, N."""
+    runs = predict_extended(session, model, "the model").runs["extended"]
+    away = np.concatenate([c.modelled - c.measured for run in runs for c in run.curves])
+    return float(np.sqrt(np.nanmean(away**2)))
+
+
+def test_a_current_that_reads_too_little_is_told_by_its_scale(tmp_path: Path) -> None:
+    """Not as a load cell's span and a spring, which together would look like it."""
+    found = diagnose([WAYS["scale"](recorded(tmp_path / "plain.h5", {}, 37))], with_curves=False)
+    assert found.verdict == "nothing_missing"
+    assert found.score < 1.1
+    scales = [one.size for one in found.bench if one.kind == "scale"]
+    assert scales == pytest.approx([1.0 / SCALE], rel=0.06)  # as far as the rig's tolerances tell
+
+
+def test_errors_of_a_reading_add_up() -> None:
+    """Of q = t^3: the second is an error of what is left when the first is taken off."""
+    time = np.linspace(-1.0, 1.0, 2001)
+    first, second = ReadingError(0.2, 0.1, 0.02, 0.003), ReadingError(-0.1, 0.2, -0.01, 0.001)
+
+    def read(error: ReadingError, value: Array, rate: Array, bend: Array) -> Array:
+        return (1.0 + error.gain) * (value - error.zero) + error.lag * rate + error.lag_square * bend
+
+    value, rate, bend, jerk = time**3, 3.0 * time**2, 6.0 * time, 6.0
+    once = read(first, value, rate, bend)
+    its_rate = (1.0 + first.gain) * rate + first.lag * bend + first.lag_square * jerk
+    its_bend = (1.0 + first.gain) * bend + first.lag * jerk
+    beyond = second.lag * first.lag_square * jerk + second.lag_square * first.lag * jerk  # of third order
+    both = read(first.then(second), value, rate, bend)
+    assert both + beyond == pytest.approx(read(second, once, its_rate, its_bend), abs=1e-12)
 
 
 def test_a_corrected_reading_is_what_went_into_the_filter(tmp_path: Path) -> None:

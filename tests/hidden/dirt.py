@@ -32,42 +32,41 @@ SEED = 11
 CELL_CUTOFF_HZ = 10.0
 CELL_ZERO_N = 0.3
 CELL_MOVES_N = 0.1
+ANGLES_CUTOFF_HZ = CURRENT_CUTOFF_HZ = 20.0
+SCALE = 0.8
+CELL, ANGLES, MONITOR = ("endpoint_force",), ("mcp_angle", "pip_angle"), ("motor_current", "motor_torque")
 
 
-def _gain(session: Session) -> Session:
-    """The amplifier's monitor reads 1.5 % too much."""
-
-    def more(channels: Channels) -> Channels:
-        return channels | {n: 1.015 * channels[n] for n in ("motor_current", "motor_torque") if n in channels}
-
-    return with_channels(session, more)
-
-
-def _with_force(session: Session, change: Callable[[Array], Array]) -> Session:
-    """The session with the load cell's reading of every run changed."""
+def _with(names: Sequence[str], session: Session, change: Callable[[Array], Array]) -> Session:
+    """The session with these channels of every run changed."""
 
     def changed(channels: Channels) -> Channels:
-        force = "endpoint_force"
-        return channels | {force: change(channels[force])} if force in channels else channels
+        return channels | {name: change(channels[name]) for name in names if name in channels}
 
     return with_channels(session, changed)
 
 
-def _filtered(session: Session) -> Session:
-    """The load cell's amplifier has a low-pass of first order at 10 Hz."""
-    numbers = butter(1, 2.0 * CELL_CUTOFF_HZ / session.runs[0].sample_rate_hz)
-    return _with_force(session, lambda force: lfilter(*numbers, force, zi=lfilter_zi(*numbers) * force[0])[0])
+def _scaled(scale: float, session: Session) -> Session:
+    """The amplifier's monitor reads another share of the current."""
+    return _with(MONITOR, session, lambda values: scale * values)
+
+
+def _filtered(names: Sequence[str], cutoff_hz: float, session: Session) -> Session:
+    """Channels behind a low-pass of first order."""
+    numbers = butter(1, 2.0 * cutoff_hz / session.runs[0].sample_rate_hz)
+    at_rest = lfilter_zi(*numbers)
+    return _with(names, session, lambda values: lfilter(*numbers, values, zi=at_rest * values[0])[0])
 
 
 def _not_at_zero(session: Session) -> Session:
     """Nobody set the load cell to zero."""
-    return _with_force(session, lambda force: force + CELL_ZERO_N)
+    return _with(CELL, session, lambda force: force + CELL_ZERO_N)
 
 
 def _cell_moves(session: Session) -> Session:
     """The load cell's zero is another one in each run."""
     rng = np.random.default_rng(SEED)
-    return _with_force(session, lambda force: force + rng.normal(0.0, CELL_MOVES_N))
+    return _with(CELL, session, lambda force: force + rng.normal(0.0, CELL_MOVES_N))
 
 
 def _quarter(session: Session) -> Session:
@@ -82,8 +81,11 @@ def _spoilt(kind: str, session: Session) -> Session:
 WAYS: Mapping[str, Callable[[Session], Session]] = {
     "clean": lambda session: session,
     **{kind: partial(_spoilt, kind) for kind in KINDS},
-    "gain": _gain,
-    "filter": _filtered,
+    "gain": partial(_scaled, 1.015),
+    "scale": partial(_scaled, SCALE),
+    "filter": partial(_filtered, CELL, CELL_CUTOFF_HZ),
+    "angles": partial(_filtered, ANGLES, ANGLES_CUTOFF_HZ),
+    "current": partial(_filtered, MONITOR, CURRENT_CUTOFF_HZ),
     "tare": _not_at_zero,
     "cell": _cell_moves,
     "rate": _quarter,
@@ -97,7 +99,10 @@ WORDS = {
     "hum": "50 mA of hum on the current",
     "skew": "the MCP angle comes 1.5 ms late",
     "gain": "the current reads 1.5 % too much",
+    "scale": "the current reads 0.8 of what it is",
     "filter": "the load cell's amplifier has a low-pass of first order at 10 Hz",
+    "angles": "both joint angles come from a low-pass of first order at 20 Hz",
+    "current": "the current comes from a low-pass of first order at 20 Hz",
     "tare": "the load cell reads 0.3 N with nothing on it",
     "cell": "the load cell's zero moves by 0.1 N from run to run",
     "rate": "a quarter of the samples",
