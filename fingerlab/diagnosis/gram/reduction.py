@@ -10,7 +10,7 @@ from __future__ import annotations
 import operator
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, TypeVar
@@ -179,6 +179,18 @@ class Reduction:
             vars(self).pop(name, None)
         self.constants, self._settled_constants, self.settled = None, None, False
         self._forget()
+
+    @property
+    def known_of_bench(self) -> KnownOfBench:
+        """What was found of the bench so far."""
+        found = self.constants, self._settled_constants, self.settled
+        return KnownOfBench(self.reading_errors, *found, self.late_torque)
+
+    def go_back(self, known: KnownOfBench) -> None:
+        """Take for the bench's own errors again what was before."""
+        self.correct_readings(known.reading_errors)
+        self.constants, self._settled_constants = known.constants, known.settled_constants
+        self.settled, self.late_torque = known.settled, known.late_torque
 
     def resume(
         self,
@@ -461,6 +473,17 @@ class Reduction:
             found = pair_sums(numbers, group_key(runs[numbers[0]]), *seen)
             if found is not None:
                 yield found
+
+
+@dataclass(frozen=True)
+class KnownOfBench:
+    """What was found of a bench's own errors; see the attributes of :class:`Reduction`."""
+
+    reading_errors: ReadingErrors
+    constants: RunConstants | None
+    settled_constants: RunConstants | None
+    settled: bool
+    late_torque: bool
 
 
 _Key = tuple[str, object, tuple[tuple[tuple[str, float], ...], ...]]

@@ -24,6 +24,7 @@ from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.score.selection import lacks_fit
 from fingerlab.diagnosis.search.grid_refinement import refine_grid
 from fingerlab.diagnosis.settings import (
+    FAR_LEFT,
     FOLLOWING_ROUNDS,
     HALF_LEFT,
     LAG_SHARE,
@@ -139,6 +140,11 @@ class Suspect:
     def id(self) -> str:
         """Of the effect that it is."""
         return f"{READING}{self.channel}_{'_'.join(self.names)}"
+
+    @property
+    def most_left(self) -> float:
+        """Squared score above one up to which it is believed, if it is of the motion."""
+        return NEARLY_RIGHT if "gain" in self.names else FAR_LEFT
 
     def effect(self, either_way: bool = False) -> Effect:
         """It as an effect of a model; of the bench, and so in no catalogue.
@@ -299,22 +305,25 @@ def with_readings_corrected(
 ) -> _Work | None:
     """The work done again with an error taken off a channel's reading; None: none is borne out.
 
-    It is where far less is left, or no more with an effect less and nothing else missing, or with two less.
+    It is where far less is left, or no more with an effect less and nothing else missing, or with two less;
+    of the motion's channels, which other laws may look like, only where little is left.
 
     Args:
         models: that it came to, the best first, the one as given last.
         outcome: its best model, held out, and whether nothing more is missing beside it.
         ended: whether the work has ended; else it has taken its first step.
     """
-    before, best = reduction.reading_errors, models[0]
+    before, best = reduction.known_of_bench, models[0]
     suspected = None if reduction.on_bench else find_reading_error(reduction, models, ended)
     if suspected is None:
         return None
-    if _followed(reduction, *suspected):
+    suspect, fitted = suspected
+    if _followed(reduction, suspect, fitted):
         found = again()
         end, complete = outcome(found)
         fewer = len(best.choices) - len(end.choices) >= (1 if complete else 2)
-        if (fewer and end.misfit <= best.misfit) or is_borne_out(best, end, complete):
+        explained = suspect.channel == FORCE or not lacks_fit(end, suspect.most_left)
+        if explained and ((fewer and end.misfit <= best.misfit) or is_borne_out(best, end, complete)):
             return found
-    reduction.correct_readings(before)
+    reduction.go_back(before)
     return None
