@@ -342,6 +342,9 @@ MOST_READING_LAG_S, LEAST_READING_LAG_S = 0.06, 1e-3
 and the tip's friction look like it; both assumed."""
 MOST_READING_GAIN = 0.5
 """The torque's scale is off by up to this share: a monitor's range that was set to another one; assumed."""
+LEAST_IN_CONTACT = 0.25
+"""An error of the load cell is looked for where contact has this share of what is left: it explains nothing
+in free motion, but a law that is fitted to both has its misfit spread over both; assumed."""
 MODELS_BESIDE_ERRORS = 3
 """Beside so many models, the nearest, an error is looked for: what it hides is seldom further; assumed."""
 MOST_CORRECTIONS = 2

@@ -29,6 +29,7 @@ from fingerlab.diagnosis.settings import (
     HALF_LEFT,
     LAG_SHARE,
     LEAST_FALL_BEYOND,
+    LEAST_IN_CONTACT,
     LEAST_READING_LAG_S,
     MODELS_BESIDE_ERRORS,
     MOST_FORCE_ZERO_N,
@@ -209,9 +210,8 @@ def find_reading_error(
     suspects = list(LATE_MOTION) if lacking else []
     longer = len(best.choices) > len(given.choices) + 1
     suspects += [TORQUE_SCALE] if ended and (lacking or longer) else []
-    # In free motion an error of the load cell explains nothing.
     could_be = [one for one in (best, given) if lacks_fit(one, NEARLY_RIGHT)]
-    if any(one.misfit_in_contact > HALF_LEFT * one.misfit for one in could_be):
+    if any(one.misfit_in_contact > LEAST_IN_CONTACT * one.misfit for one in could_be):
         suspects.append(FORCE_ALONE if reduction.zero_in_the_air is None else LATE_FORCE)
     if not suspects:
         return None
