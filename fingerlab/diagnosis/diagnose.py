@@ -327,7 +327,8 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
     each_share, parts = run_shares(pairs, scorer.reduced, evidence.base)
     excluded, excluded_by_motion = excluded_times(reduction, scorer.reduced, evidence.base)
     following = _next_run(sessions, scorer, evidence, chosen, usual)
-    steps = _path_steps(path, found.better)
+    # A base to which nothing was added is told as it stands beside what was tried, under the same weights.
+    steps = _path_steps([evidence.base, *path[1:]], found.better)
     return Diagnosis(
         sessions=tuple(str(s.path) for s in sessions),
         model=tuple(e.id for e in question.given),

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 from fingerlab.core.progress import SILENT, Progress, Watch
-from fingerlab.diagnosis.fit.data import Weights, change
+from fingerlab.diagnosis.fit.data import Weights
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.score.calibration import Verdict
 from fingerlab.diagnosis.score.evidence import (
@@ -50,7 +50,6 @@ from fingerlab.diagnosis.settings import (
     LONGEST_PATH,
     NEARLY_RIGHT,
     RIVAL_LOG_ODDS,
-    SETTLED,
 )
 from fingerlab.effects.base import Effect
 
@@ -248,8 +247,7 @@ def search_effects(question: Question, begun: Begun) -> Found:
             evidence = evidence if law == plainer else exchanged(evidence, law, plainer)
         weights = path[-1].weights
     looked_at = looked_at if len(path) == 2 else {}
-    alike = len(path) > 1 or change(weights, evidence.base.weights) < SETTLED
-    if refined is not None or len(path) > 2 or scorer.reduced.pairs or looked_at or not alike:
+    if refined is not None or len(path) > 2 or scorer.reduced.pairs or looked_at:
         # Every score of an answer is told in the floors of the same, last model.
         evidence = rescore(scorer, evidence, weights)
         path = [evidence.base, *path[1:]]
