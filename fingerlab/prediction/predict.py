@@ -361,10 +361,10 @@ def _fit(
         names = [h.sha256 for h in hashes]
         by_session = {s.path: sha256 for s, sha256 in zip(sessions, names, strict=True)}
         folds = _contact_folds(scorer, reduction.pairs, by_session)
+        readings = in_si(reduction.reading_errors, reduction.scales)
         done: list[Variant] = []
         for number, fitted in enumerate([nominal, *(t for t in models if t.choices)]):
             tell(0.7 + 0.3 * number / (len(models) + 1), "calibrating the interval")
-            readings = in_si(reduction.reading_errors, reduction.scales)
             variant = replace(_variant(scorer, fitted, folds), readings=readings)
             done.append(_calibrated(variant, sessions, by_session))
         parameters = [every_parameter(t, t.temperature()) for t in map(scorer.score_held_out, models)]

@@ -136,31 +136,47 @@ _READ = {
 
 def _readings(reduction: Reduction, last: FittedModel) -> list[BenchFinding]:
     """Channels that were found to read something where there is nothing, at another scale, or late."""
-    newton, found = reduction.scales.of("N"), []
+    newton, second, found = reduction.scales.of("N"), reduction.scales.of("s"), []
     for name, error in reduction.reading_errors.items():
-        channel, (what, than, advice) = CHANNELS[name][0], _READ[name]
-        skew = last.values.get(DELAY, 0.0) if name == JOINTS else 0.0
-        zero, late = error.zero * newton, (error.lag + skew) * reduction.scales.of("s")
-        if zero:
-            told_by = "in free motion" if reduction.zero_in_the_air else "as the joints tell in contact"
-            said = f"The load cell reads {_number(zero)} N with nothing on it, {told_by}; that is taken off"
-            to_do = "set its zero before the runs, with the finger clear of it"
-            found.append(BenchFinding("zero", channel, zero, "N", (), said, to_do))
-        if error.gain:  # beside what the rig file's tolerance takes of it
-            scale = (1.0 + error.gain) * (1.0 - last.values.get("torque_gain", 0.0))
-            said = (
-                f"The motor's torque is {_number(scale)} times what its channel reads, as springs, weights "
-            )
-            said += "and the load cell tell; it is corrected for that"
-            to_do = "check the amplifier's monitor, and the gear ratio and torque constant in the rig file"
-            found.append(BenchFinding("scale", channel, scale, "1", (), said, to_do))
-        if late:
-            said = f"{what} {_number(abs(late) * 1e3)} ms {'after' if late > 0 else 'before'} {than}"
-            cutoff = _number(1.0 / (2.0 * np.pi * late))
-            said += f", as behind a first-order filter of {cutoff} Hz" if late > 0 else ""
-            said, to_do = f"{said}; it is corrected for that", f"{advice}, or correct its times"
-            found.append(BenchFinding("skew", channel, late, "s", (), said, to_do))
+        skew = last.values.get(DELAY, 0.0) if name == JOINTS else 0.0  # beyond what was taken off
+        # A gain stands beside what the rig file's tolerance takes of it.
+        scale = (1.0 + error.gain) * (1.0 - last.values.get("torque_gain", 0.0)) if error.gain else 1.0
+        found += _zero_read(error.zero * newton, in_the_air=bool(reduction.zero_in_the_air))
+        found += _scale_read(scale)
+        found += _late_read(name, (error.lag + skew) * second)
     return found
+
+
+def _zero_read(zero: float, in_the_air: bool) -> list[BenchFinding]:
+    """A load cell that reads ``zero`` N with nothing on it."""
+    if not zero:
+        return []
+    told_by = "in free motion" if in_the_air else "as the joints tell in contact"
+    said = f"The load cell reads {_number(zero)} N with nothing on it, {told_by}; that is taken off"
+    advice = "set its zero before the runs, with the finger clear of it"
+    return [BenchFinding("zero", FORCE, zero, "N", (), said, advice)]
+
+
+def _scale_read(scale: float) -> list[BenchFinding]:
+    """A motor's torque that is ``scale`` times what its channel reads."""
+    if scale == 1.0:
+        return []
+    told_by = "as springs, weights and the load cell tell"
+    said = f"The motor's torque is {_number(scale)} times what its channel reads, {told_by}"
+    advice = "check the amplifier's monitor, and the gear ratio and torque constant in the rig file"
+    return [BenchFinding("scale", TORQUE, scale, "1", (), f"{said}; it is corrected for that", advice)]
+
+
+def _late_read(name: str, late: float) -> list[BenchFinding]:
+    """One of ``CHANNELS`` that comes ``late`` s after the others."""
+    if not late:
+        return []
+    what, than, advice = _READ[name]
+    said = f"{what} {_number(abs(late) * 1e3)} ms {'after' if late > 0 else 'before'} {than}"
+    if late > 0:
+        said += f", as behind a first-order filter of {_number(1.0 / (2.0 * np.pi * late))} Hz"
+    said, advice = f"{said}; it is corrected for that", f"{advice}, or correct its times"
+    return [BenchFinding("skew", CHANNELS[name][0], late, "s", (), said, advice)]
 
 
 def _moved(reduction: Reduction, offsets: Sequence[Offsets]) -> list[BenchFinding]:
