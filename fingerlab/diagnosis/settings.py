@@ -513,6 +513,9 @@ TIE_LOG_ODDS = 1e-6
 FAR_LOG_ODDS = -12.0
 """Log odds below which an effect that was looked at once, under the weights of the best, is not looked at
 more closely: 0.35 of the squared score; assumed, for a closer look took a rival down by 0.13."""
+FAR_TIMES = 2.0
+"""The same where the best one leaves much itself: so many times what that one leaves. In 30 ties of
+recordings with friction of all kinds a closer look changed what a rival leaves by a twentieth at most."""
 GRID_LOG_ODDS = -6.0
 """Log odds down to which effects are looked at between the points of their grids where the best leaves much;
 assumed: of a sheath the grid left 3.8 floors, 3.6 below a friction by load, and its own best shape 1.4."""
@@ -651,6 +654,9 @@ OFF_GRID_PASSES = 5
 speeds at which friction is looked for first to any that is plausible; assumed."""
 SHAPE_ROUNDS = 2
 """Times that one effect's shape is looked for: the weights that come with the best may prefer another one."""
+NEAR_SHAPES, LEAST_NEAR_SHAPES = 0.25, 4
+"""Share of the shapes, those that fitted best, that are looked at again under the weights of the best, and
+how many of them at least; assumed: weights that turn the order of all would be no refinement."""
 FOLLOWING_ROUNDS = 8
 """Times that a model is fitted again, at most, whose shapes take numbers from what is fitted: a delay beside
 friction of the motor comes half as close each time."""

@@ -220,9 +220,9 @@ class Scorer:
         """The model fitted again until its weights belong to it; under one ``law`` of the tip if told.
 
         Where fit and weights chase each other, as where noise is far above the motion in contact, the
-        likeliest.
+        likeliest; it is known when they are where they have been before.
         """
-        found = []
+        found: list[FittedModel] = []
         for _ in range(MOST_ROUNDS):
             before, weights = fitted.weights, self.own_weights(fitted)
             if law is None:
@@ -233,7 +233,10 @@ class Scorer:
                 return fitted
             if self.deviance(fitted) > most + HOPELESS * self.data.count:
                 return fitted
+            in_circles = any(change(one.weights, fitted.weights) < SETTLED for one in found)
             found.append(fitted)
+            if in_circles:
+                break
         return min(found, key=self.deviance)
 
     def deviance(self, fitted: FittedModel) -> float:

@@ -43,11 +43,14 @@ from fingerlab.diagnosis.search.path import forward_selection, worth_adding
 from fingerlab.diagnosis.settings import (
     DECIDING_LOG_ODDS,
     FAR_LOG_ODDS,
+    FAR_TIMES,
     FOLLOWING_ROUNDS,
     FULL_ITERATIONS,
+    LEAST_NEAR_SHAPES,
     LONGEST_PATH,
     LOOKING_ITERATIONS,
     MOST_RIVALS,
+    NEAR_SHAPES,
     NEAR_SHARE,
     NEARLY_RIGHT,
     OFF_GRID_PASSES,
@@ -216,22 +219,31 @@ def _at_best_shapes(scorer: Scorer, fitted: FittedModel) -> FittedModel:
 
 
 def _best_shape(scorer: Scorer, fitted: FittedModel, k: int) -> FittedModel:
-    """The model with its effect ``k`` at the shape that fits best, under the weights of that model."""
+    """The model with its effect ``k`` at the shape that fits best, under the weights of that model.
+
+    Those weights may prefer another one, of the shapes that were near.
+    """
+    shapes: Sequence[int] = range(len(fitted.choices[k].effect.shapes))
     for _ in range(SHAPE_ROUNDS):
         before = fitted.choices[k].shape
-        found = min(_other_shapes(scorer, fitted, k), key=lambda m: m.fit.cost)
-        fitted = scorer.fit_reweighted(found.choices, found)
-        if found.choices[k].shape == before:
+        tried = sorted(_at_shapes(scorer, fitted, k, shapes), key=lambda m: m.fit.cost)
+        fitted = scorer.fit_reweighted(tried[0].choices, tried[0])
+        if fitted.choices[k].shape == before:
             break
+        nearest = max(int(np.ceil(NEAR_SHAPES * len(tried))), LEAST_NEAR_SHAPES)
+        shapes = [one.choices[k].shape for one in tried[:nearest]]
     return fitted
 
 
 def _other_shapes(scorer: Scorer, fitted: FittedModel, k: int) -> list[FittedModel]:
     """The model with its effect ``k`` at each of its shapes."""
+    return _at_shapes(scorer, fitted, k, range(len(fitted.choices[k].effect.shapes)))
+
+
+def _at_shapes(scorer: Scorer, fitted: FittedModel, k: int, shapes: Sequence[int]) -> list[FittedModel]:
     before, effect, after = fitted.choices[:k], fitted.choices[k].effect, fitted.choices[k + 1 :]
     return [
-        scorer.fit_same_law([*before, Choice(effect, i), *after], fitted, LOOKING_ITERATIONS)
-        for i in range(len(effect.shapes))
+        scorer.fit_same_law([*before, Choice(effect, i), *after], fitted, LOOKING_ITERATIONS) for i in shapes
     ]
 
 
@@ -418,18 +430,21 @@ def _far_from(
 ) -> tuple[Scorer, FittedModel] | None:
     """The effect at its best shape under the weights of the likeliest one; None: it comes near that, or may.
 
-    Where the likeliest leaves much another law of the same physics may still come to lead.
+    Where the likeliest leaves much another law of the same physics may still come to lead: what comes near it
+    there is what leaves no more than some times as much.
 
     Args:
         best: the likeliest on their grids, refined and held out.
     """
-    if lacks_fit(best, NEARLY_RIGHT) or holds(candidate.last_effect, best.last_effect):
+    if holds(candidate.last_effect, best.last_effect):
         return None
     under = scorer.fit(candidate.choices, candidate, LOOKING_ITERATIONS, best.weights)
     by, found = refine_last(reduction, under, watch)
     found = by.score_held_out(found)
     least = max(best.misfit, 0.0) / max(best.count, 1.0)
     near = best.count * misfit_of_log_odds(FAR_LOG_ODDS, least)
+    if lacks_fit(best, NEARLY_RIGHT):
+        near = max(near, FAR_TIMES * best.misfit)
     return (by, found) if found.misfit > near else None
 
 
