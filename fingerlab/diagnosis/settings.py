@@ -513,6 +513,9 @@ TIE_LOG_ODDS = 1e-6
 FAR_LOG_ODDS = -12.0
 """Log odds below which an effect that was looked at once, under the weights of the best, is not looked at
 more closely: 0.35 of the squared score; assumed, for a closer look took a rival down by 0.13."""
+LOOKED_AT, FAR_BETWEEN = 3, 4.0
+"""Of the shapes around a rival every third is tried, and those between them where one leaves no more than so
+many times what is near; assumed: three steps of a third of an octave or less, and a law is off by less."""
 FAR_TIMES = 2.0
 """The same where the best one leaves much itself: so many times what that one leaves. In 30 ties of
 recordings with friction of all kinds a closer look changed what a rival leaves by a twentieth at most."""

@@ -42,12 +42,14 @@ from fingerlab.diagnosis.search.next_effect import climb_grid, judge_all, off_it
 from fingerlab.diagnosis.search.path import forward_selection, worth_adding
 from fingerlab.diagnosis.settings import (
     DECIDING_LOG_ODDS,
+    FAR_BETWEEN,
     FAR_LOG_ODDS,
     FAR_TIMES,
     FOLLOWING_ROUNDS,
     FULL_ITERATIONS,
     LEAST_NEAR_SHAPES,
     LONGEST_PATH,
+    LOOKED_AT,
     LOOKING_ITERATIONS,
     MOST_RIVALS,
     NEAR_SHAPES,
@@ -191,20 +193,25 @@ def _best_of_finer(scorer: Scorer, finer: Sequence[Effect], places: Sequence[int
 
 
 def refine_last(
-    reduction: Reduction, fitted: FittedModel, watch: Watch = SILENT
+    reduction: Reduction, fitted: FittedModel, watch: Watch = SILENT, far: float = np.inf
 ) -> tuple[Scorer, FittedModel]:
     """The model with its last effect at the best of the shapes around it, all else and the weights as before.
+
+    Args:
+        far: cost of a fit; where some of the shapes leave more, those between them are not tried.
 
     Raises:
         Cancelled: the user asked for it.
     """
     *others, last = [*at_found_shapes(fitted)[:-1], _finer(fitted.choices[-1])]
     scorer = Scorer(reduction.refined([*others, last], watch))
-    given = [Choice(one) for one in others]
-    tried = [
-        scorer.fit_same_law([*given, Choice(last, i)], fitted, LOOKING_ITERATIONS)
-        for i in range(len(last.shapes))
-    ]
+    given, tried = [Choice(one) for one in others], list[FittedModel]()
+    every = range(len(last.shapes))
+    for shapes in (every[::LOOKED_AT], [i for i in every if i % LOOKED_AT]):
+        if not tried or min(one.fit.cost for one in tried) <= far:
+            tried += [
+                scorer.fit_same_law([*given, Choice(last, i)], fitted, LOOKING_ITERATIONS) for i in shapes
+            ]
     best = min(tried, key=lambda one: one.fit.cost)
     return scorer, scorer.fit(best.choices, best, FULL_ITERATIONS)
 
@@ -438,13 +445,13 @@ def _far_from(
     """
     if holds(candidate.last_effect, best.last_effect):
         return None
-    under = scorer.fit(candidate.choices, candidate, LOOKING_ITERATIONS, best.weights)
-    by, found = refine_last(reduction, under, watch)
-    found = by.score_held_out(found)
-    least = max(best.misfit, 0.0) / max(best.count, 1.0)
-    near = best.count * misfit_of_log_odds(FAR_LOG_ODDS, least)
+    left = max(best.misfit, 0.0)
+    near = best.count * misfit_of_log_odds(FAR_LOG_ODDS, left / max(best.count, 1.0))
     if lacks_fit(best, NEARLY_RIGHT):
         near = max(near, FAR_TIMES * best.misfit)
+    under = scorer.fit(candidate.choices, candidate, LOOKING_ITERATIONS, best.weights)
+    by, found = refine_last(reduction, under, watch, best.fit.cost + FAR_BETWEEN * (near - left))
+    found = by.score_held_out(found)
     return (by, found) if found.misfit > near else None
 
 
