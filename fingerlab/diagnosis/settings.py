@@ -510,15 +510,13 @@ SET_LOG_ODDS = 3.0
 """An effect is in the set when its log odds against the best are above minus this (odds of about 1 to 20)."""
 TIE_LOG_ODDS = 1e-6
 """Log odds by which, of two effects as likely, the one that the path begins with stands first."""
-FAR_LOG_ODDS = -12.0
-"""Log odds below which an effect that was looked at once, under the weights of the best, is not looked at
-more closely: 0.35 of the squared score; assumed, for a closer look took a rival down by 0.13."""
-LOOKED_AT, FAR_BETWEEN = 3, 4.0
-"""Of the shapes around a rival every third is tried, and those between them where one leaves no more than so
-many times what is near; assumed: three steps of a third of an octave or less, and a law is off by less."""
-FAR_TIMES = 2.0
-"""The same where the best one leaves much itself: so many times what that one leaves. In 30 ties of
-recordings with friction of all kinds a closer look changed what a rival leaves by a twentieth at most."""
+CLOSER_LOOK = 0.15
+"""An effect whose shapes were looked at once, under the weights of the best, and that leaves this share more
+of the squared score, is not looked at more closely. That took a rival's down by 0.13 at most; in 44 ties of
+recordings with friction of all kinds by 0.05 of it."""
+LOOKED_AT, BETWEEN_SHAPES = 3, 1.5
+"""In that look every third shape is tried, and those between them unless all leave this share more; assumed:
+three steps are a third of an octave or less, and a law so far off leaves less."""
 GRID_LOG_ODDS = -6.0
 """Log odds down to which effects are looked at between the points of their grids where the best leaves much;
 assumed: of a sheath the grid left 3.8 floors, 3.6 below a friction by load, and its own best shape 1.4."""

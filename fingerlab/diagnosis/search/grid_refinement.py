@@ -32,19 +32,16 @@ from fingerlab.diagnosis.score.fitted_model import (
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.score.selection import (
     justified,
-    lacks_fit,
     least_fall,
     log_odds_among,
-    misfit_of_log_odds,
     redundant_steps,
 )
 from fingerlab.diagnosis.search.next_effect import climb_grid, judge_all, off_its_bounds
 from fingerlab.diagnosis.search.path import forward_selection, worth_adding
 from fingerlab.diagnosis.settings import (
+    BETWEEN_SHAPES,
+    CLOSER_LOOK,
     DECIDING_LOG_ODDS,
-    FAR_BETWEEN,
-    FAR_LOG_ODDS,
-    FAR_TIMES,
     FOLLOWING_ROUNDS,
     FULL_ITERATIONS,
     LEAST_NEAR_SHAPES,
@@ -412,8 +409,8 @@ def break_ties(
         if candidate.last_effect.id in known:
             one = known[candidate.last_effect.id]
         elif can_refine(candidate.choices):
-            far = _far_from(reduction, scorer, candidate, refined[0][1], watch) if refined else None
-            one = far or refine_grid(reduction, candidate, watch)
+            once = _looked_at_once(reduction, scorer, candidate, refined[0][1], watch) if refined else None
+            one = once or refine_grid(reduction, candidate, watch)
         else:
             one = scorer, scorer.fit_reweighted(candidate.choices, candidate, weights)
             weights = one[1].weights
@@ -428,17 +425,14 @@ def break_ties(
     return with_refined_odds(evidence, tied, scored), found
 
 
-def _far_from(
+def _looked_at_once(
     reduction: Reduction,
     scorer: Scorer,
     candidate: FittedModel,
     best: FittedModel,
     watch: Watch,
 ) -> tuple[Scorer, FittedModel] | None:
-    """The effect at its best shape under the weights of the likeliest one; None: it comes near that, or may.
-
-    Where the likeliest leaves much another law of the same physics may still come to lead: what comes near it
-    there is what leaves no more than some times as much.
+    """The effect at its best shape under the weights of the likeliest one; None: it may come to lead that.
 
     Args:
         best: the likeliest on their grids, refined and held out.
@@ -446,13 +440,11 @@ def _far_from(
     if holds(candidate.last_effect, best.last_effect):
         return None
     left = max(best.misfit, 0.0)
-    near = best.count * misfit_of_log_odds(FAR_LOG_ODDS, left / max(best.count, 1.0))
-    if lacks_fit(best, NEARLY_RIGHT):
-        near = max(near, FAR_TIMES * best.misfit)
     under = scorer.fit(candidate.choices, candidate, LOOKING_ITERATIONS, best.weights)
-    by, found = refine_last(reduction, under, watch, best.fit.cost + FAR_BETWEEN * (near - left))
+    far = best.fit.cost + BETWEEN_SHAPES * (best.count + left)
+    by, found = refine_last(reduction, under, watch, far)
     found = by.score_held_out(found)
-    return (by, found) if found.misfit > near else None
+    return (by, found) if found.misfit > left + CLOSER_LOOK * (best.count + left) else None
 
 
 def rescore_refined(found: Refined, weights: Weights) -> Refined:
