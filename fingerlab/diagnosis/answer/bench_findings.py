@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fingerlab.core.text import fixed, screen_unit
+from fingerlab.core.text import fixed, listed, screen_unit
 from fingerlab.diagnosis.answer.results import BenchFinding
 from fingerlab.diagnosis.equations.coefficients import DELAY
 from fingerlab.diagnosis.equations.parameters import TORQUE_LAG
@@ -35,6 +35,7 @@ from fingerlab.diagnosis.signals.filters import (
 )
 from fingerlab.diagnosis.signals.reading_errors import CHANNELS, FORCE, JOINTS, TORQUE
 from fingerlab.diagnosis.signals.scales import as_recorded
+from fingerlab.rig.file import FITTED_CONSTANTS
 from fingerlab.sessions.model import CHANNEL_UNITS
 
 SENSORS = {"mcp_angle": "MCP sensor", "pip_angle": "PIP sensor", "motor_position": "motor's encoder"}
@@ -55,6 +56,7 @@ def bench_findings(
         *_moved(reduction, offsets),
         *_skew(reduction, last),
         *_readings(reduction, last),
+        *_rig_constants(reduction, last),
         *_spikes(reduction),
         *_lost(reduction),
         *_repeated(reduction),
@@ -177,6 +179,37 @@ def _late_read(name: str, late: float) -> list[BenchFinding]:
         said += f", as behind a first-order filter of {_number(1.0 / (2.0 * np.pi * late))} Hz"
     said, advice = f"{said}; it is corrected for that", f"{advice}, or correct its times"
     return [BenchFinding("skew", CHANNELS[name][0], late, "s", (), said, advice)]
+
+
+_UNKNOWN_OF = {"torque_constant": "torque_gain", "inertia": "rotor_inertia"}
+"""Of a rig file's constants, the unknowns that go by another name."""
+
+
+def _rig_constants(reduction: Reduction, last: FittedModel) -> list[BenchFinding]:
+    """Constants that the runs put where the rig file's tolerances end, or beyond: seldom by chance."""
+    rig, found, advice = reduction.rig, list[str](), "or write down the tolerance that it has"
+    for name in () if rig.finger is None else (*FITTED_CONSTANTS, *_UNKNOWN_OF):
+        key = _UNKNOWN_OF.get(name, name)
+        place = last.model.index.get(key)
+        if place is None or key in reduction.fixed or (name == "inertia" and not rig.motor.inertia):
+            continue
+        value, bounds = float(last.fit.values[place]), (last.model.low[place], last.model.high[place])
+        if not any(bound != 0.0 and value / bound > AT_BOUND for bound in bounds):
+            continue
+        share = -value if name == "torque_constant" else value  # that is by what its channel reads too high
+        if name == "inertia":
+            share *= reduction.scales.of("kg m^2") / (rig.motor.inertia or 1.0)
+        what = name.replace("_", " ").replace("mcp", "MCP").replace("pip", "PIP")
+        what = "motor's inertia" if name == "inertia" else what
+        found.append(f"the {what} ({_number(100.0 * abs(share))} % {'above' if share > 0 else 'below'})")
+        if name.endswith("half_length"):
+            advice = "or write down the tolerance that it has; it is half of a phalanx's length"
+    if not found:
+        return []
+    stand = "stands" if len(found) == 1 else "stand"
+    said = f"Where the rig file's tolerance ends, or beyond, {stand} {listed(found)}"
+    size = float(len(found))
+    return [BenchFinding("rig_constant", "rig", size, "constants", (), said, f"measure it again, {advice}")]
 
 
 def _moved(reduction: Reduction, offsets: Sequence[Offsets]) -> list[BenchFinding]:

@@ -135,6 +135,7 @@ FINDINGS = {
     "skew": "skew",
     "turned": "sense",
     "scale": "unit",
+    "rig_constant": "unit",
     "missing_channel": "dead_channel",
 }
 """Kinds of findings, and what ``diagnose --json`` calls them; the motor torque's zero is the amplifier's."""
@@ -146,8 +147,8 @@ class BenchFinding:
 
     Attributes:
         kind: "moving_zero", "zero", "spikes", "lost_samples", "uneven_times", "held", "skew", "turned",
-            "scale", "missing_channel".
-        channel: that it is about. size: how much of it, in ``unit``. runs: that show it.
+            "scale", "rig_constant", "missing_channel".
+        channel: that it is about, or "rig". size: how much of it, in ``unit``. runs: that show it.
         sentence: what was found. advice: what to do about it; both without a full stop.
     """
 
