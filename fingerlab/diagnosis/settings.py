@@ -514,9 +514,6 @@ CLOSER_LOOK = 0.15
 """An effect whose shapes were looked at once, under the weights of the best, and that leaves this share more
 of the squared score, is not looked at more closely. That took a rival's down by 0.13 at most; in 44 ties of
 recordings with friction of all kinds by 0.05 of it."""
-LOOKED_AT, BETWEEN_SHAPES = 3, 1.5
-"""In that look every third shape is tried, and those between them unless all leave this share more; assumed:
-three steps are a third of an octave or less, and a law so far off leaves less."""
 GRID_LOG_ODDS = -6.0
 """Log odds down to which effects are looked at between the points of their grids where the best leaves much;
 assumed: of a sheath the grid left 3.8 floors, 3.6 below a friction by load, and its own best shape 1.4."""

@@ -39,14 +39,12 @@ from fingerlab.diagnosis.score.selection import (
 from fingerlab.diagnosis.search.next_effect import climb_grid, judge_all, off_its_bounds
 from fingerlab.diagnosis.search.path import forward_selection, worth_adding
 from fingerlab.diagnosis.settings import (
-    BETWEEN_SHAPES,
     CLOSER_LOOK,
     DECIDING_LOG_ODDS,
     FOLLOWING_ROUNDS,
     FULL_ITERATIONS,
     LEAST_NEAR_SHAPES,
     LONGEST_PATH,
-    LOOKED_AT,
     LOOKING_ITERATIONS,
     MOST_RIVALS,
     NEAR_SHAPES,
@@ -190,25 +188,20 @@ def _best_of_finer(scorer: Scorer, finer: Sequence[Effect], places: Sequence[int
 
 
 def refine_last(
-    reduction: Reduction, fitted: FittedModel, watch: Watch = SILENT, far: float = np.inf
+    reduction: Reduction, fitted: FittedModel, watch: Watch = SILENT
 ) -> tuple[Scorer, FittedModel]:
     """The model with its last effect at the best of the shapes around it, all else and the weights as before.
-
-    Args:
-        far: cost of a fit; where some of the shapes leave more, those between them are not tried.
 
     Raises:
         Cancelled: the user asked for it.
     """
     *others, last = [*at_found_shapes(fitted)[:-1], _finer(fitted.choices[-1])]
     scorer = Scorer(reduction.refined([*others, last], watch))
-    given, tried = [Choice(one) for one in others], list[FittedModel]()
-    every = range(len(last.shapes))
-    for shapes in (every[::LOOKED_AT], [i for i in every if i % LOOKED_AT]):
-        if not tried or min(one.fit.cost for one in tried) <= far:
-            tried += [
-                scorer.fit_same_law([*given, Choice(last, i)], fitted, LOOKING_ITERATIONS) for i in shapes
-            ]
+    given = [Choice(one) for one in others]
+    tried = [
+        scorer.fit_same_law([*given, Choice(last, i)], fitted, LOOKING_ITERATIONS)
+        for i in range(len(last.shapes))
+    ]
     best = min(tried, key=lambda one: one.fit.cost)
     return scorer, scorer.fit(best.choices, best, FULL_ITERATIONS)
 
@@ -441,8 +434,7 @@ def _looked_at_once(
         return None
     left = max(best.misfit, 0.0)
     under = scorer.fit(candidate.choices, candidate, LOOKING_ITERATIONS, best.weights)
-    far = best.fit.cost + BETWEEN_SHAPES * (best.count + left)
-    by, found = refine_last(reduction, under, watch, far)
+    by, found = refine_last(reduction, under, watch)
     found = by.score_held_out(found)
     return (by, found) if found.misfit > left + CLOSER_LOOK * (best.count + left) else None
 
