@@ -10,7 +10,8 @@ import pytest
 from scipy.optimize import lsq_linear
 from scipy.signal import firwin, freqz
 
-from fingerlab.diagnosis.answer.candidates import deviations
+from fingerlab.diagnosis.answer.candidates import deviations, parameters
+from fingerlab.diagnosis.equations.model import Choice
 from fingerlab.diagnosis.fit.bounded_step import bounded_step
 from fingerlab.diagnosis.fit.data import Data
 from fingerlab.diagnosis.fit.solver import Fitter
@@ -18,6 +19,7 @@ from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.settings import Z90
 from fingerlab.diagnosis.signals.scales import SI
+from fingerlab.effects import CATALOGUE
 from fingerlab.rig.file import Motor, Rig
 from fingerlab.sessions.model import Run, Session
 from tests.reduced import reduce_sessions
@@ -220,3 +222,12 @@ def test_a_constant_without_tolerance_stays_as_it_is(name: str) -> None:
     key = {"inertia": "rotor_inertia", "torque_constant": "torque_gain"}.get(name, name)
     assert np.isfinite(bare.fit.cost)
     assert abs(bare.values[key]) < 1e-5
+
+
+def test_values_are_told_of_an_effect_whose_range_was_widened_twice() -> None:
+    """A model is kept by what its effects are: another copy of one had no parameters, and ended in an error."""
+    delay = CATALOGUE["transport_delay"]
+    scorer = Scorer(reduce_sessions([made.session(made.Bench())], [delay]))
+    wider = [Choice(delay.wider(list(delay.gains))) for _ in range(2)]
+    first, second = (scorer.fit([one]) for one in wider)
+    assert parameters(second, wider[1].effect, 1.0).keys() == parameters(first, wider[0].effect, 1.0).keys()

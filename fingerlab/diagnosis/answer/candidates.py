@@ -151,8 +151,8 @@ def parameters(fitted: FittedModel, effect: Effect, temperature: float) -> dict[
         low = max(gain.low, value - Z90 * spread[key])
         high = min(gain.high, value + Z90 * spread[key])
         result[name] = _estimate_in_si(fitted, gain.unit, value, low, high)
-    choice = next(c for c in fitted.choices if c.effect is effect)
-    shape = effect.shapes[choice.shape]
+    choice = next(c for c in fitted.choices if c.effect.id == effect.id)
+    effect, shape = choice.effect, choice.effect.shapes[choice.shape]
     for name, unit in effect.shape_units.items():
         if name not in shape:
             continue
