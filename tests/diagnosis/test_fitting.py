@@ -225,7 +225,7 @@ def test_a_constant_without_tolerance_stays_as_it_is(name: str) -> None:
 
 
 def test_values_are_told_of_an_effect_whose_range_was_widened_twice() -> None:
-    """A model is kept by what its effects are: another copy of one had no parameters, and ended in an error."""
+    """A model is kept by what its effects are: of another copy nothing was told, in an error."""
     delay = CATALOGUE["transport_delay"]
     scorer = Scorer(reduce_sessions([made.session(made.Bench())], [delay]))
     wider = [Choice(delay.wider(list(delay.gains))) for _ in range(2)]
