@@ -307,7 +307,7 @@ def _said(fitted: FittedModel, effect: Effect) -> str:
     """The effect's sentence; a motor bench has no joints to speak of."""
     on_bench = _on_bench(fitted)
     if on_bench and effect.of_an_axis is not None:
-        shape = next(c.shape for c in fitted.choices if c.effect is effect)
+        shape = next(c.shape for c in fitted.choices if c.effect.id == effect.id)
         return effect.of_an_axis(effect.shapes[shape])
     return effect.explanation_alone if on_bench else effect.explanation
 
