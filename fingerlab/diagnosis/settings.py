@@ -510,10 +510,10 @@ SET_LOG_ODDS = 3.0
 """An effect is in the set when its log odds against the best are above minus this (odds of about 1 to 20)."""
 TIE_LOG_ODDS = 1e-6
 """Log odds by which, of two effects as likely, the one that the path begins with stands first."""
-CLOSER_LOOK = 0.15
-"""An effect whose shapes were looked at once, under the weights of the best, and that leaves this share more
-of the squared score, is not looked at more closely. That took a rival's down by 0.13 at most; in 44 ties of
-recordings with friction of all kinds by 0.05 of it."""
+FAR_LOG_ODDS = -12.0
+"""Log odds below which an effect that was looked at once, under the weights of the best, is not looked at
+more closely: 0.35 of the squared score where the best is right, and about as much as that leaves where it
+leaves much; assumed. In 67 ties of recordings a closer look took 0.45 off a rival that was 1.1 behind."""
 GRID_LOG_ODDS = -6.0
 """Log odds down to which effects are looked at between the points of their grids where the best leaves much;
 assumed: of a sheath the grid left 3.8 floors, 3.6 below a friction by load, and its own best shape 1.4."""

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from fingerlab.core.errors import Cancelled, UserError
-from fingerlab.diagnosis import diagnose
+from fingerlab.diagnosis import DiagnosisOptions, diagnose
 from fingerlab.diagnosis.answer.results import Candidate, Diagnosis
 from fingerlab.diagnosis.score.calibration import Odds
 from fingerlab.effects import CATALOGUE
@@ -171,6 +171,17 @@ def test_an_effect_that_is_added_is_no_longer_missing() -> None:
     assert result.score < 0.4 * diagnosed(name).score
     assert result.verdict == "nothing_missing"
     assert name not in {c.effect for c in result.candidates}
+
+
+@pytest.mark.parametrize(("name", "seed", "contact"), [("viscous_friction", 2, 2)])
+def test_no_decoy_explains_what_an_absent_effect_would(name: str, seed: int, contact: int) -> None:
+    """The true mechanism taken out of the catalogue: what is left does not bring the error down."""
+    given = made.session(made.Bench(missing=CASES[name][0]), seed, contact)
+    result = diagnose([given], with_curves=False, options=DiagnosisOptions(left_out=[name]))
+    assert name not in {c.effect for c in result.candidates}
+    assert result.score > 5
+    assert min(c.score for c in result.candidates) > 2.5
+    assert min(s.score for s in result.path) > 1.5
 
 
 def test_a_torque_of_no_known_mechanism_is_not_in_the_catalogue() -> None:

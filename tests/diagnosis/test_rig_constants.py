@@ -34,9 +34,9 @@ def test_a_length_that_is_too_long_is_told_though_nothing_is_missing(session: Se
     """By a tenth, in a rig file that gives it to 0.2 %: a mass that is a little off takes it up."""
     found, (sentence,) = told(session, distal_half_length=1.1)
     assert found.verdict == "nothing_missing"
-    assert sentence.startswith("Where the rig file's tolerance ends, or beyond, stand")
-    assert "distal half length (0.50 % below)" in sentence
+    assert sentence.endswith("are not what the rig file says, within its tolerance")
+    assert "the distal half length (at least 0.50 % lower)" in sentence
     (said,) = [one.to_json() for one in found.bench if one.kind == "rig_constant"]
     assert said["finding"] == "unit"
     assert said["channel"] == "rig"
-    assert "half of a phalanx's length" in said["advice"]
+    assert said["advice"].startswith("Measure them again")

@@ -9,10 +9,10 @@ import numpy as np
 from fingerlab.core.text import fixed, listed, screen_unit
 from fingerlab.diagnosis.answer.results import BenchFinding
 from fingerlab.diagnosis.equations.coefficients import DELAY
-from fingerlab.diagnosis.equations.parameters import TORQUE_LAG
+from fingerlab.diagnosis.equations.parameters import OF_CONSTANT, TORQUE_LAG
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.gram.run_constants import SOURCES, Offsets
-from fingerlab.diagnosis.score.fitted_model import FittedModel
+from fingerlab.diagnosis.score.fitted_model import FittedModel, at_bound
 from fingerlab.diagnosis.settings import (
     AT_BOUND,
     LEAST_SPIKES,
@@ -140,76 +140,72 @@ def _readings(reduction: Reduction, last: FittedModel) -> list[BenchFinding]:
     """Channels that were found to read something where there is nothing, at another scale, or late."""
     newton, second, found = reduction.scales.of("N"), reduction.scales.of("s"), []
     for name, error in reduction.reading_errors.items():
-        skew = last.values.get(DELAY, 0.0) if name == JOINTS else 0.0  # beyond what was taken off
-        # A gain stands beside what the rig file's tolerance takes of it.
-        scale = (1.0 + error.gain) * (1.0 - last.values.get("torque_gain", 0.0)) if error.gain else 1.0
-        found += _zero_read(error.zero * newton, in_the_air=bool(reduction.zero_in_the_air))
-        found += _scale_read(scale)
-        found += _late_read(name, (error.lag + skew) * second)
+        late = error.lag + (last.values.get(DELAY, 0.0) if name == JOINTS else 0.0)  # taken off, and beyond
+        if error.zero:
+            found.append(_zero_read(error.zero * newton, in_the_air=bool(reduction.zero_in_the_air)))
+        if error.gain:  # beside what the rig file's tolerance takes of it
+            found.append(_scale_read((1.0 + error.gain) * (1.0 - last.values.get("torque_gain", 0.0))))
+        if late:
+            found.append(_late_read(name, late * second))
     return found
 
 
-def _zero_read(zero: float, in_the_air: bool) -> list[BenchFinding]:
+def _zero_read(zero: float, in_the_air: bool) -> BenchFinding:
     """A load cell that reads ``zero`` N with nothing on it."""
-    if not zero:
-        return []
     told_by = "in free motion" if in_the_air else "as the joints tell in contact"
     said = f"The load cell reads {_number(zero)} N with nothing on it, {told_by}; that is taken off"
     advice = "set its zero before the runs, with the finger clear of it"
-    return [BenchFinding("zero", FORCE, zero, "N", (), said, advice)]
+    return BenchFinding("zero", FORCE, zero, "N", (), said, advice)
 
 
-def _scale_read(scale: float) -> list[BenchFinding]:
+def _scale_read(scale: float) -> BenchFinding:
     """A motor's torque that is ``scale`` times what its channel reads."""
-    if scale == 1.0:
-        return []
     told_by = "as springs, weights and the load cell tell"
     said = f"The motor's torque is {_number(scale)} times what its channel reads, {told_by}"
     advice = "check the amplifier's monitor, and the gear ratio and torque constant in the rig file"
-    return [BenchFinding("scale", TORQUE, scale, "1", (), f"{said}; it is corrected for that", advice)]
+    return BenchFinding("scale", TORQUE, scale, "1", (), f"{said}; it is corrected for that", advice)
 
 
-def _late_read(name: str, late: float) -> list[BenchFinding]:
+def _late_read(name: str, late: float) -> BenchFinding:
     """One of ``CHANNELS`` that comes ``late`` s after the others."""
-    if not late:
-        return []
     what, than, advice = _READ[name]
     said = f"{what} {_number(abs(late) * 1e3)} ms {'after' if late > 0 else 'before'} {than}"
     if late > 0:
         said += f", as behind a first-order filter of {_number(1.0 / (2.0 * np.pi * late))} Hz"
     said, advice = f"{said}; it is corrected for that", f"{advice}, or correct its times"
-    return [BenchFinding("skew", CHANNELS[name][0], late, "s", (), said, advice)]
-
-
-_UNKNOWN_OF = {"torque_constant": "torque_gain", "inertia": "rotor_inertia"}
-"""Of a rig file's constants, the unknowns that go by another name."""
+    return BenchFinding("skew", CHANNELS[name][0], late, "s", (), said, advice)
 
 
 def _rig_constants(reduction: Reduction, last: FittedModel) -> list[BenchFinding]:
     """Constants that the runs put where the rig file's tolerances end, or beyond: seldom by chance."""
-    rig, found, advice = reduction.rig, list[str](), "or write down the tolerance that it has"
-    for name in () if rig.finger is None else (*FITTED_CONSTANTS, *_UNKNOWN_OF):
-        key = _UNKNOWN_OF.get(name, name)
-        place = last.model.index.get(key)
-        if place is None or key in reduction.fixed or (name == "inertia" and not rig.motor.inertia):
+    rig, model, off = reduction.rig, last.model, list[str]()
+    told = (*FITTED_CONSTANTS, "torque_constant", *(("inertia",) if rig.motor.inertia else ()))
+    for name in told if rig.finger is not None else ():
+        place = model.index.get(OF_CONSTANT.get(name, name))
+        if place is None or model.unknowns[place].key in reduction.fixed:
             continue
-        value, bounds = float(last.fit.values[place]), (last.model.low[place], last.model.high[place])
-        if not any(bound != 0.0 and value / bound > AT_BOUND for bound in bounds):
+        share = float(last.fit.values[place])
+        if not at_bound(share, float(model.low[place]), float(model.high[place])):
             continue
-        share = -value if name == "torque_constant" else value  # that is by what its channel reads too high
+        if name == "torque_constant":
+            share = -share  # the unknown is by what the torque reads too high
         if name == "inertia":
             share *= reduction.scales.of("kg m^2") / (rig.motor.inertia or 1.0)
-        what = name.replace("_", " ").replace("mcp", "MCP").replace("pip", "PIP")
-        what = "motor's inertia" if name == "inertia" else what
-        found.append(f"the {what} ({_number(100.0 * abs(share))} % {'above' if share > 0 else 'below'})")
-        if name.endswith("half_length"):
-            advice = "or write down the tolerance that it has; it is half of a phalanx's length"
-    if not found:
+        what = "motor's inertia" if name == "inertia" else name.replace("_", " ")
+        what = what.replace("mcp", "MCP").replace("pip", "PIP")
+        off.append(
+            f"the {what} (at least {_number(100.0 * abs(share))} % {'higher' if share > 0 else 'lower'})"
+        )
+    if not off:
         return []
-    stand = "stands" if len(found) == 1 else "stand"
-    said = f"Where the rig file's tolerance ends, or beyond, {stand} {listed(found)}"
-    size = float(len(found))
-    return [BenchFinding("rig_constant", "rig", size, "constants", (), said, f"measure it again, {advice}")]
+    are, advice = "is", "measure it again, or write down the tolerance that it has"
+    if len(off) > 1:
+        are, advice = (
+            "are",
+            "measure them again, for one may stand for another, or write down their tolerances",
+        )
+    said = f"By these runs {listed(off)} {are} not what the rig file says, within its tolerance"
+    return [BenchFinding("rig_constant", "rig", float(len(off)), "constants", (), said, advice)]
 
 
 def _moved(reduction: Reduction, offsets: Sequence[Offsets]) -> list[BenchFinding]:

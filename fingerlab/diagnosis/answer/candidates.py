@@ -151,8 +151,7 @@ def parameters(fitted: FittedModel, effect: Effect, temperature: float) -> dict[
         low = max(gain.low, value - Z90 * spread[key])
         high = min(gain.high, value + Z90 * spread[key])
         result[name] = _estimate_in_si(fitted, gain.unit, value, low, high)
-    choice = next(c for c in fitted.choices if c.effect.id == effect.id)
-    effect, shape = choice.effect, choice.effect.shapes[choice.shape]
+    shape = effect.shapes[fitted.choice_of(effect).shape]
     for name, unit in effect.shape_units.items():
         if name not in shape:
             continue
@@ -307,8 +306,7 @@ def _said(fitted: FittedModel, effect: Effect) -> str:
     """The effect's sentence; a motor bench has no joints to speak of."""
     on_bench = _on_bench(fitted)
     if on_bench and effect.of_an_axis is not None:
-        shape = next(c.shape for c in fitted.choices if c.effect.id == effect.id)
-        return effect.of_an_axis(effect.shapes[shape])
+        return effect.of_an_axis(effect.shapes[fitted.choice_of(effect).shape])
     return effect.explanation_alone if on_bench else effect.explanation
 
 

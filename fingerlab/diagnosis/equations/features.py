@@ -73,12 +73,12 @@ class FeatureSet:
     def _places(self) -> dict[int, IntArray]:
         return {}
 
-    def among(self, products: Array, columns: Any = slice(None)) -> Array:
-        """Their products with some of them, (k, columns), of those of all signals, (signals, signals)."""
+    def among(self, products: Array) -> Array:
+        """Their products, (k, k), of those of all signals, (signals, signals)."""
         size = len(products)
         if size not in self._places:
             self._places[size] = self.signals[:, None] * size + self.signals
-        return np.asarray(products.take(self._places[size][:, columns]))
+        return np.asarray(products.take(self._places[size]))
 
     def __getitem__(self, chosen: Any) -> FeatureSet:
         return FeatureSet(self.signals[chosen], self.rows[chosen])

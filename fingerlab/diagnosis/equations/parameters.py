@@ -70,6 +70,9 @@ BENCH_RANGES = {
 """Of a motor alone, whose equation is fitted as it comes."""
 
 
+OF_CONSTANT = {"torque_constant": "torque_gain", "inertia": "rotor_inertia"}
+"""Constants of a rig file whose unknowns go by another name: by what share the torque reads too high, and the
+inertia of the motor beyond the rig file's."""
 ARM = Parameter("m", 0.002, 0.04, 0.01, source="assumed: from 2 to 40 mm", default=0.01, open=True)
 IN_CONTACT = ("force_gain", "lateral", SET_DOWN, "lateral_spring", RUBS, *SLIPS, "tip_tilt", "tip_compliance")
 """What a finger that touches nothing says nothing of."""
@@ -101,8 +104,9 @@ def nuisance_ranges(rig: Rig, rate: float = math.inf) -> dict[str, Parameter]:
     }
     for name in (*FITTED_CONSTANTS, "torque_constant"):
         tolerance = max(rig.tolerance_of(name), EXACT)
-        told = "torque_gain" if name == "torque_constant" else name
-        ranges[told] = Parameter("1", -2.5 * tolerance, 2.5 * tolerance, tolerance, source="rig file")
+        ranges[OF_CONSTANT.get(name, name)] = Parameter(
+            "1", -2.5 * tolerance, 2.5 * tolerance, tolerance, source="rig file"
+        )
     inertia = rig.motor.inertia
     spread = ROTOR_SPREAD if inertia is None else inertia * rig.tolerance_of("inertia")
     spread = max(spread, EXACT * ROTOR_SPREAD)

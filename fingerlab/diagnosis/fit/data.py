@@ -98,10 +98,17 @@ class FeatureProducts:
 
     def __getitem__(self, fold: int) -> FeatureProducts:
         """Of one of several folds."""
+        return self._each(lambda part: part[fold])
+
+    def of(self, folds: IntArray, columns: IntArray) -> FeatureProducts:
+        """Of some of several folds, the products of all features with some."""
+        among = folds[:, None, None], np.arange(self.products.shape[1])[None, :, None], columns[None, None, :]
+        return self._each(lambda part: part[among])
+
+    def _each(self, taken: Callable[[Array], Array]) -> FeatureProducts:
         products, denoised, *parts = vars(self).values()
-        return FeatureProducts(
-            products[fold], denoised[fold], *(None if part is None else part[fold] for part in parts)
-        )
+        others = (None if part is None else taken(part) for part in parts)
+        return FeatureProducts(taken(products), taken(denoised), *others)
 
     @property
     def bytes(self) -> int:
@@ -198,46 +205,39 @@ class Data:
             self._folds_bytes -= self._folds.popitem(last=False)[1].bytes
         return found
 
-    def gathered_columns(self, i: int, folds: IntArray, model: Model, columns: IntArray) -> FeatureProducts:
-        """The same over some folds, of all features with some, (n, k, columns); of few, it is soon made."""
-        return self._gathered(i, [self.groups[i].folds[k] for k in folds], model.pick, columns)
-
-    def _gathered(
-        self, i: int, parts: Sequence[Sums], pick: FeatureSet, columns: IntArray | None = None
-    ) -> FeatureProducts:
-        """Of several parts of group ``i``, (parts, k, k); of all features with some, (parts, k, columns)."""
-        chosen = slice(None) if columns is None else columns
-        slack_noise, moving_noise, rest_noise = self._noise_of(i, pick, chosen)
-        raw = _of_each(pick, [part.products for part in parts], chosen)
-        slack = _of_each(pick, [part.slack for part in parts], chosen)
-        still = _of_each(pick, [part.rest for part in parts], chosen)
+    def _gathered(self, i: int, parts: Sequence[Sums], pick: FeatureSet) -> FeatureProducts:
+        """Of several parts of group ``i``, (parts, k, k)."""
+        slack_noise, moving_noise, rest_noise = self._noise_of(i, pick)
+        raw = _of_each(pick, [part.products for part in parts])
+        slack = _of_each(pick, [part.slack for part in parts])
+        still = _of_each(pick, [part.rest for part in parts])
         assert raw is not None
-        others, in_cable = None, pick.in_cable[:, chosen]
+        others = None
         if slack is not None:
-            others = slack * (1.0 - in_cable)
-            raw -= slack * in_cable
+            others = slack * (1.0 - pick.in_cable)
+            raw -= slack * pick.in_cable
         samples, taut, rest = (
             np.array(counts)[:, None, None]
             for counts in zip(*((p.samples, p.taut_samples, p.rest_samples) for p in parts), strict=True)
         )
-        slack_noise = (samples - taut) * np.where(in_cable, 0.0, slack_noise)
+        slack_noise = (samples - taut) * np.where(pick.in_cable, 0.0, slack_noise)
         return FeatureProducts(
             raw,
             raw - (taut - rest) * moving_noise - rest * rest_noise - slack_noise,
             still,
             None if still is None else still - rest * rest_noise,
-            None if slack is None else slack * pick.both_cable[:, chosen],
+            None if slack is None else slack * pick.both_cable,
             others,
             None if others is None else others - slack_noise,
         )
 
-    def _noise_of(self, i: int, pick: FeatureSet, columns: Any) -> tuple[Array, ...]:
-        """What noise adds to products of features with some, (k, columns), as of :func:`limited_noise`."""
+    def _noise_of(self, i: int, pick: FeatureSet) -> tuple[Array, ...]:
+        """What noise adds to products of features of a group, (k, k) each, as of :func:`limited_noise`."""
         signals, place = pick.each_once
         key = i, signals.tobytes()
         if key not in self._noise:
             self._noise[key] = limited_noise(self.groups[i], signals)
-        square = place[:, None], place[None, columns]
+        square = place[:, None], place[None, :]
         return tuple(one[square] for one in self._noise[key])
 
     def by_constants(
@@ -325,17 +325,14 @@ class Data:
         return change, min(whole.standstills, EFFECTIVE_SHARE * whole.rest_samples) * wide
 
 
-def _of_each(pick: FeatureSet, products: Sequence[Array | None], columns: Any) -> Array | None:
-    """Products of the features with some in every part, (parts, k, columns), zero where it has none.
-
-    None: no part has any.
-    """
+def _of_each(pick: FeatureSet, products: Sequence[Array | None]) -> Array | None:
+    """Products of the features in every part, (parts, k, k), zero where a part has none; None: none has."""
     if all(one is None for one in products):
         return None
-    found = np.zeros((len(products), len(pick.rows), len(pick.rows[columns])))
+    found = np.zeros((len(products), len(pick.rows), len(pick.rows)))
     for place, one in zip(found, products, strict=True):
         if one is not None:
-            place[:] = pick.among(one, columns)
+            place[:] = pick.among(one)
     return found
 
 

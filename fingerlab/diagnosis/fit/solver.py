@@ -298,7 +298,7 @@ class Fitter:
             sums = self.folds(i)[folds]
             return sums.curvature @ parts, sums.matrix @ parts
         live = np.flatnonzero(parts.any(axis=1))  # few: those of frictions
-        gathered = self.data.gathered_columns(i, folds, self.model, live)
+        gathered = self.data.gathered_folds(i, self.model).of(folds, live)
         sums = self.data.weighted(
             gathered,
             self.model,

@@ -44,6 +44,11 @@ class Sensitivity:
     strengths: Mapping[str, float]
 
 
+def at_bound(value: float, low: float, high: float) -> bool:
+    """Whether a value stands at one of its bounds; a bound of zero is a matter of sign."""
+    return any(bound != 0.0 and value / bound > AT_BOUND for bound in (low, high))
+
+
 def at_assumed_bounds(fitted: FittedModel) -> list[str]:
     """Unknowns of the last effect that stand at a bound which nobody measured: strengths with a unit.
 
@@ -59,7 +64,7 @@ def at_assumed_bounds(fitted: FittedModel) -> list[str]:
         if not any(powers_of(gain.unit)):
             continue
         value = float(fitted.fit.values[place])
-        if any(bound != 0.0 and value / bound > AT_BOUND for bound in (gain.low, gain.high)):
+        if at_bound(value, gain.low, gain.high):
             found.append(name)
     return found
 
@@ -76,7 +81,7 @@ def at_bounds(fitted: FittedModel) -> list[str]:
         place = fitted.model.index[key]
         low, high = float(fitted.model.low[place]), float(fitted.model.high[place])
         value = float(fitted.fit.values[place])
-        if low < high and any(bound != 0.0 and value / bound > AT_BOUND for bound in (low, high)):
+        if low < high and at_bound(value, low, high):
             found.append(name)
     return found
 
@@ -180,6 +185,10 @@ class FittedModel:
     def last_effect(self) -> Effect:
         """The effect that was added last; there must be one."""
         return self.model.choices[-1].effect
+
+    def choice_of(self, effect: Effect) -> Choice:
+        """The effect as the model holds it: of several that are equal a model is made with the first."""
+        return next(c for c in self.choices if c.effect.id == effect.id)
 
     @property
     def values(self) -> dict[str, float]:

@@ -233,9 +233,8 @@ class Scorer:
                 return fitted
             if self.deviance(fitted) > most + HOPELESS * self.data.count:
                 return fitted
-            in_circles = any(change(one.weights, fitted.weights) < SETTLED for one in found)
             found.append(fitted)
-            if in_circles:
+            if any(change(one.weights, fitted.weights) < SETTLED for one in found[:-1]):
                 break
         return min(found, key=self.deviance)
 

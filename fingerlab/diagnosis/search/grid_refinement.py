@@ -34,13 +34,14 @@ from fingerlab.diagnosis.score.selection import (
     justified,
     least_fall,
     log_odds_among,
+    misfit_of_log_odds,
     redundant_steps,
 )
 from fingerlab.diagnosis.search.next_effect import climb_grid, judge_all, off_its_bounds
 from fingerlab.diagnosis.search.path import forward_selection, worth_adding
 from fingerlab.diagnosis.settings import (
-    CLOSER_LOOK,
     DECIDING_LOG_ODDS,
+    FAR_LOG_ODDS,
     FOLLOWING_ROUNDS,
     FULL_ITERATIONS,
     LEAST_NEAR_SHAPES,
@@ -74,7 +75,7 @@ def fit_effects(scorer: Scorer, effects: Sequence[Effect]) -> FittedModel:
         ]
         fitted = climb_grid(scorer, min(shapes, key=lambda m: m.fit.cost))
         fitted = off_its_bounds(scorer, scorer.fit_reweighted(fitted.choices, fitted), FULL_ITERATIONS)
-        if fitted.last_effect is not one:  # under a wider range
+        if fitted.last_effect.widened != one.widened:
             fitted = scorer.fit_reweighted(fitted.choices, fitted)
     return _at_best_shapes(scorer, fitted) if len(effects) > 1 else fitted
 
@@ -232,12 +233,8 @@ def _best_shape(scorer: Scorer, fitted: FittedModel, k: int) -> FittedModel:
     return fitted
 
 
-def _other_shapes(scorer: Scorer, fitted: FittedModel, k: int) -> list[FittedModel]:
-    """The model with its effect ``k`` at each of its shapes."""
-    return _at_shapes(scorer, fitted, k, range(len(fitted.choices[k].effect.shapes)))
-
-
 def _at_shapes(scorer: Scorer, fitted: FittedModel, k: int, shapes: Sequence[int]) -> list[FittedModel]:
+    """The model with its effect ``k`` at each of these of its shapes."""
     before, effect, after = fitted.choices[:k], fitted.choices[k].effect, fitted.choices[k + 1 :]
     return [
         scorer.fit_same_law([*before, Choice(effect, i), *after], fitted, LOOKING_ITERATIONS) for i in shapes
@@ -274,7 +271,8 @@ def _stands_in_for_shapes(
     before, last = steps[-2:]
     shorter = before
     for k in range(len(shorter.choices)):
-        shorter = min(_other_shapes(scorer, shorter, k), key=lambda m: m.fit.cost)
+        every = range(len(shorter.choices[k].effect.shapes))
+        shorter = min(_at_shapes(scorer, shorter, k, every), key=lambda m: m.fit.cost)
     # Friction of a motor alone goes by travel or by speed: around the other one nothing was looked at yet.
     if scorer.reduced.on_bench and shorter.choices != before.choices:
         by, shorter = refine_grid(reduction, shorter, watch)
@@ -402,8 +400,8 @@ def break_ties(
         if candidate.last_effect.id in known:
             one = known[candidate.last_effect.id]
         elif can_refine(candidate.choices):
-            once = _looked_at_once(reduction, scorer, candidate, refined[0][1], watch) if refined else None
-            one = once or refine_grid(reduction, candidate, watch)
+            far = _far_from(reduction, scorer, candidate, refined[0][1], watch) if refined else None
+            one = far or refine_grid(reduction, candidate, watch)
         else:
             one = scorer, scorer.fit_reweighted(candidate.choices, candidate, weights)
             weights = one[1].weights
@@ -418,25 +416,28 @@ def break_ties(
     return with_refined_odds(evidence, tied, scored), found
 
 
-def _looked_at_once(
+def _far_from(
     reduction: Reduction,
     scorer: Scorer,
     candidate: FittedModel,
     best: FittedModel,
     watch: Watch,
 ) -> tuple[Scorer, FittedModel] | None:
-    """The effect at its best shape under the weights of the likeliest one; None: it may come to lead that.
+    """The effect at its best shape under the weights of the likeliest one; None: it comes near that, or may.
+
+    The more the likeliest leaves, the further off is another law that may still come to lead.
 
     Args:
         best: the likeliest on their grids, refined and held out.
     """
     if holds(candidate.last_effect, best.last_effect):
         return None
-    left = max(best.misfit, 0.0)
     under = scorer.fit(candidate.choices, candidate, LOOKING_ITERATIONS, best.weights)
     by, found = refine_last(reduction, under, watch)
     found = by.score_held_out(found)
-    return (by, found) if found.misfit > left + CLOSER_LOOK * (best.count + left) else None
+    least = max(best.misfit, 0.0) / max(best.count, 1.0)
+    near = best.count * misfit_of_log_odds(FAR_LOG_ODDS, least)
+    return (by, found) if found.misfit > near else None
 
 
 def rescore_refined(found: Refined, weights: Weights) -> Refined:
