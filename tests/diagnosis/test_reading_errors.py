@@ -20,7 +20,15 @@ from fingerlab.sessions import Run, Session, open_session
 from fingerlab.sessions.model import Array
 from fingerlab.twin.protocols import load_preset
 from fingerlab.twin.session import write_session
-from tests.hidden.dirt import ANGLES_CUTOFF_HZ, CELL_CUTOFF_HZ, CELL_MOVES_N, CELL_ZERO_N, SCALE, WAYS
+from tests.hidden.dirt import (
+    ANGLES_CUTOFF_HZ,
+    CELL_CUTOFF_HZ,
+    CELL_MOVES_N,
+    CELL_ZERO_N,
+    POSITION_LATE_S,
+    SCALE,
+    WAYS,
+)
 
 from .test_no_alarm import shortened
 
@@ -109,6 +117,26 @@ def test_angles_behind_a_filter_are_corrected_in_a_saved_model_too(tmp_path: Pat
     kept = extended_model(model_of_extended(model), "the model")
     assert kept.extended.readings == model.extended.readings
     assert missed(session, kept) < 1.1 * missed(clean, fit_extended([clean], found.final_model))
+
+
+@pytest.mark.parametrize(
+    ("way", "channel", "late"),
+    [
+        ("pip", "pip_angle", 1.0 / (2.0 * pi * ANGLES_CUTOFF_HZ)),
+        ("position", "motor_position", POSITION_LATE_S),
+    ],
+)
+def test_one_channel_late_of_all_is_no_law_of_motion(
+    tmp_path: Path, way: str, channel: str, late: float
+) -> None:
+    """A joint's angle alone left two floors and viscous friction, the motor's position eight."""
+    session = recorded(tmp_path / "plain.h5", {}, 38)
+    short = replace(session, runs=(*session.runs[:3], *session.contact_runs()[:2]))
+    found = diagnose([WAYS[way](short)], with_curves=False)
+    skews = {one.channel: one.size for one in found.bench if one.kind == "skew"}
+    assert skews == {channel: pytest.approx(late, rel=0.1)}
+    assert found.verdict == "nothing_missing"
+    assert found.score < 1.1
 
 
 def missed(session: Session, model: ExtendedModel) -> float:

@@ -33,6 +33,7 @@ CELL_CUTOFF_HZ = 10.0
 CELL_ZERO_N = 0.3
 CELL_MOVES_N = 0.1
 ANGLES_CUTOFF_HZ = CURRENT_CUTOFF_HZ = 20.0
+POSITION_LATE_S = 0.005
 SCALE = 0.8
 CELL, ANGLES, MONITOR = ("endpoint_force",), ("mcp_angle", "pip_angle"), ("motor_current", "motor_torque")
 
@@ -56,6 +57,12 @@ def _filtered(names: Sequence[str], cutoff_hz: float, session: Session) -> Sessi
     numbers = butter(1, 2.0 * cutoff_hz / session.runs[0].sample_rate_hz)
     at_rest = lfilter_zi(*numbers)
     return _with(names, session, lambda values: lfilter(*numbers, values, zi=at_rest * values[0])[0])
+
+
+def _late(names: Sequence[str], seconds: float, session: Session) -> Session:
+    """Channels that are read later, by whole samples."""
+    back = round(seconds * session.runs[0].sample_rate_hz)
+    return _with(names, session, lambda values: np.r_[np.full(back, values[0]), values[:-back]])
 
 
 def _not_at_zero(session: Session) -> Session:
@@ -85,6 +92,9 @@ WAYS: Mapping[str, Callable[[Session], Session]] = {
     "scale": partial(_scaled, SCALE),
     "filter": partial(_filtered, CELL, CELL_CUTOFF_HZ),
     "angles": partial(_filtered, ANGLES, ANGLES_CUTOFF_HZ),
+    "mcp": partial(_filtered, ANGLES[:1], ANGLES_CUTOFF_HZ),
+    "pip": partial(_filtered, ANGLES[1:], ANGLES_CUTOFF_HZ),
+    "position": partial(_late, ("motor_position",), POSITION_LATE_S),
     "current": partial(_filtered, MONITOR, CURRENT_CUTOFF_HZ),
     "tare": _not_at_zero,
     "cell": _cell_moves,
@@ -102,6 +112,9 @@ WORDS = {
     "scale": "the current reads 0.8 of what it is",
     "filter": "the load cell's amplifier has a low-pass of first order at 10 Hz",
     "angles": "both joint angles come from a low-pass of first order at 20 Hz",
+    "mcp": "the MCP angle alone does",
+    "pip": "the PIP angle alone does",
+    "position": "the motor's position comes 5 ms late",
     "current": "the current comes from a low-pass of first order at 20 Hz",
     "tare": "the load cell reads 0.3 N with nothing on it",
     "cell": "the load cell's zero moves by 0.1 N from run to run",

@@ -33,7 +33,7 @@ from fingerlab.diagnosis.signals.filters import (
     Repair,
     without_spikes,
 )
-from fingerlab.diagnosis.signals.reading_errors import CHANNELS, FORCE, JOINTS, TORQUE
+from fingerlab.diagnosis.signals.reading_errors import CHANNELS, FORCE, JOINTS, MCP, MOTOR, PIP, TORQUE
 from fingerlab.diagnosis.signals.scales import as_recorded
 from fingerlab.rig.file import FITTED_CONSTANTS
 from fingerlab.sessions.model import CHANNEL_UNITS
@@ -131,6 +131,9 @@ _READ = {
         "set its amplifier's cut-off higher",
     ),
     JOINTS: ("The joint angles come", "the motor and the load cell", "set their filters' cut-off higher"),
+    MCP: ("The MCP angle comes", "the other channels", "set its filter's cut-off higher"),
+    PIP: ("The PIP angle comes", "the other channels", "set its filter's cut-off higher"),
+    MOTOR: ("The motor's position comes", "the other channels", "read all channels at one instant"),
     TORQUE: ("The motor's torque comes", "the joints and the load cell", "log its current unfiltered"),
 }
 """How it is told that a channel is late, later than what, and what to do."""

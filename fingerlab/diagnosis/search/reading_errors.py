@@ -38,7 +38,17 @@ from fingerlab.diagnosis.settings import (
     NEARLY_RIGHT,
     SETTLED_LAG,
 )
-from fingerlab.diagnosis.signals.reading_errors import FORCE, JOINTS, NO_ERROR, TORQUE, ReadingError
+from fingerlab.diagnosis.signals.reading_errors import (
+    CHANNELS,
+    FORCE,
+    JOINTS,
+    MCP,
+    MOTOR,
+    NO_ERROR,
+    PIP,
+    TORQUE,
+    ReadingError,
+)
 from fingerlab.effects.base import BESIDE_A_FINGER, Effect, Row, Shape, Term
 from fingerlab.effects.transmission import pull_terms
 from fingerlab.physics import nominal
@@ -77,13 +87,28 @@ def _of_torque(names: Sequence[str], motion: Motion, shape: Shape) -> list[Term]
     return [term for name, pull in pulls for term in pull_terms(name, pull)]
 
 
-def _of_joints(names: Sequence[str], motion: Motion, shape: Shape) -> list[Term]:
-    """What angles that go by a little of their rate change in the joints' torques and the cable's way."""
+def _of_position(names: Sequence[str], motion: Motion, shape: Shape) -> list[Term]:
+    """What a wrong position of the motor leaves out: of the cable's way, and of what the rotor takes."""
+    change = _changes(motion.position, motion.sample_rate_hz)
+    bend = _changes(motion.acceleration, motion.sample_rate_hz)
+    rotor, terms = (motion.motor.inertia or 0.0) / motion.radius, list[Term]()
+    for name in names:
+        terms += [Term(Row.CABLE, name, -motion.radius * change[name]), *pull_terms(name, rotor * bend[name])]
+    return terms
+
+
+def _of_joints(sensors: Sequence[str], names: Sequence[str], motion: Motion, shape: Shape) -> list[Term]:
+    """What angles that go by a little of their rate change in the joints' torques and the cable's way.
+
+    Args:
+        sensors: those of the two joints, or of one.
+    """
     if motion.joints is None:
         return []
     finger, joints = motion.finger_and_joints
     force = 0.0 if motion.force is None else motion.force
     rate_hz, terms = motion.sample_rate_hz, []
+    off = {sensor.removesuffix("_angle") for sensor in sensors}
 
     def torques(at: nominal.JointMotion) -> tuple[Array, Array]:
         """What both joints take, N m; the levers of the contact force go with the angles."""
@@ -93,8 +118,11 @@ def _of_joints(names: Sequence[str], motion: Motion, shape: Shape) -> list[Term]
         return mcp, pip + force * nominal.contact_lever_pip(finger, at.mcp, at.pip)
 
     for name in names:
-        change = {key: _changes(values, rate_hz)[name] for key, values in vars(joints).items()}
-        most = max(float(np.max(np.abs(change[joint]))) for joint in ("mcp", "pip"))
+        change = {
+            key: _changes(values, rate_hz)[name] if key.partition("_")[0] in off else np.zeros_like(values)
+            for key, values in vars(joints).items()
+        }
+        most = max(float(np.max(np.abs(change[joint]))) for joint in off)
         step = SMALL_TURN / max(most, 1e-12)
         moved = nominal.JointMotion(**{key: v + step * change[key] for key, v in vars(joints).items()})
         slopes = ((b - a) / step for a, b in zip(torques(joints), torques(moved), strict=True))
@@ -126,7 +154,12 @@ _LATE = {
     "lag": _up_to(MOST_READING_LAG_S, "s", 0.0),
     "lag_square": _up_to(MOST_READING_LAG_S**2, "s^2", 0.0),
 }
-_COLUMNS = {FORCE: _of_force, JOINTS: _of_joints, TORQUE: _of_torque}
+_COLUMNS = {
+    FORCE: _of_force,
+    TORQUE: _of_torque,
+    MOTOR: _of_position,
+    **{sensors: partial(_of_joints, CHANNELS[sensors]) for sensors in (JOINTS, MCP, PIP)},
+}
 
 
 @dataclass(frozen=True)
@@ -153,7 +186,7 @@ class Suspect:
         Args:
             either_way: it may be early as well, as beside a lag that was found.
         """
-        late_alone = self.channel != FORCE and "lag" in self.names and not either_way
+        late_alone = self.channel not in (FORCE, MOTOR) and "lag" in self.names and not either_way
         return Effect(
             id=self.id,
             title="Errors of a channel's reading",
@@ -177,7 +210,7 @@ class Suspect:
 _LATE_NAMES = ("lag", "lag_square")
 LATE_FORCE = Suspect(FORCE, _LATE_NAMES)
 FORCE_ALONE = Suspect(FORCE, ("zero", *_LATE_NAMES), (("zero",), _LATE_NAMES))
-LATE_MOTION = (Suspect(JOINTS, _LATE_NAMES), Suspect(TORQUE, _LATE_NAMES))
+LATE_MOTION = tuple(Suspect(channel, _LATE_NAMES) for channel in (JOINTS, MCP, PIP, MOTOR, TORQUE))
 """Seen in free motion, too, where a law of motion may pass for them: asked for where no law does enough."""
 TORQUE_SCALE = Suspect(TORQUE, ("gain",))
 """A spring or a load cell's span may pass for it: asked for when all that is missing was looked for."""

@@ -13,7 +13,8 @@ from fingerlab.diagnosis.signals.scales import Scales
 from fingerlab.sessions.model import CHANNEL_UNITS, Array, Run, Session
 
 FORCE, JOINTS, TORQUE = "endpoint_force", "joint_angles", "motor_torque"
-CHANNELS = {FORCE: (FORCE,), JOINTS: ("mcp_angle", "pip_angle"), TORQUE: (TORQUE,)}
+MCP, PIP, MOTOR = "mcp_angle", "pip_angle", "motor_position"
+CHANNELS = {JOINTS: (MCP, PIP), **{name: (name,) for name in (FORCE, MCP, PIP, MOTOR, TORQUE)}}
 """Channels of one sensor, or of two that are alike: what is wrong with one is wrong with the other."""
 
 _ERRORS = "reading_errors"
@@ -61,7 +62,10 @@ def with_reading_errors(sessions: Sequence[Session], errors: ReadingErrors) -> t
 
 def with_errors(run: Run, errors: ReadingErrors) -> Run:
     """The run, with the errors of its channels told to it."""
-    told = {name: error for of, error in errors.items() for name in CHANNELS[of] if error != NO_ERROR}
+    told: dict[str, ReadingError] = {}
+    for of, error in errors.items():
+        for name in CHANNELS[of] if error != NO_ERROR else ():
+            told[name] = told.get(name, NO_ERROR).then(error)
     return replace(run, attributes={**run.attributes, _ERRORS: told})
 
 
