@@ -154,7 +154,7 @@ _LATE = {
     "lag": _up_to(MOST_READING_LAG_S, "s", 0.0),
     "lag_square": _up_to(MOST_READING_LAG_S**2, "s^2", 0.0),
 }
-_COLUMNS = {
+_COLUMNS: Mapping[str, Callable[[Sequence[str], Motion, Shape], list[Term]]] = {
     FORCE: _of_force,
     TORQUE: _of_torque,
     MOTOR: _of_position,
