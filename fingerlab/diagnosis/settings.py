@@ -571,6 +571,11 @@ AS_LIKELY = np.exp(-1.0)
 """An effect that the data make less likely by more than this factor has not stayed undetected."""
 MOST_UNDETECTED = 0.95
 """Effects that were not seen are together less likely than nothing."""
+TOLD_ODDS = 10.0
+"""So much likelier than nothing an effect must be to be told as missing by what the rig's constants say
+alone; assumed: of 18 plain benches the likeliest was a third as likely as nothing."""
+CONSTANTS_SPEAK = 6.0
+"""From so much in chi-square on it is said that constants of the rig speak for an effect: 3 nats."""
 
 # ## How odds become probabilities
 

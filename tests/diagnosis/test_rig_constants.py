@@ -1,15 +1,25 @@
-"""A rig file that is wrong: constants that the runs put beyond its tolerances are told under "The bench"."""
+"""Constants that the runs put beyond the rig file's tolerances: it is wrong, or an effect hides there."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from math import exp, log
+from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import pytest
+from scipy.integrate import quad
 
 from fingerlab.diagnosis import diagnose
 from fingerlab.diagnosis.answer.results import Diagnosis
+from fingerlab.diagnosis.score.fitted_model import FittedModel
+from fingerlab.diagnosis.score.selection import bayes_factor
+from fingerlab.sessions import open_session
 from fingerlab.sessions.model import Session
 from tests.diagnosis import closed_form as made
+from tests.hidden.sweep.running import record
+from tests.hidden.sweep.trials import Trial
 
 
 @pytest.fixture(scope="module")
@@ -40,3 +50,37 @@ def test_a_length_that_is_too_long_is_told_though_nothing_is_missing(session: Se
     assert said["finding"] == "unit"
     assert said["channel"] == "rig"
     assert said["advice"].startswith("Measure them again")
+
+
+def test_a_rotor_that_hides_behind_constants_is_told_by_them(tmp_path: Path) -> None:
+    """Of 0.8 of its usual strength: the score is 1.02 either way, nine constants are off by 21 or by 2."""
+    record(Trial("twin", "rich", ("motor_inertia",), 133), tmp_path / "rotor.h5")
+    found = diagnose([open_session(tmp_path / "rotor.h5")], with_curves=False)
+    assert found.verdict == "missing_effect"
+    assert found.final_model == ("motor_inertia",)
+    first = found.candidates[0]
+    assert (first.effect, first.detectable) == ("motor_inertia", True)
+    assert first.probability > 0.7
+    assert "What speaks for it are the rig's constants: without it they are off by 2" in first.explanation
+    assert "rig_constant" not in [one.kind for one in found.bench]
+
+
+@pytest.mark.parametrize(("without", "beside"), [(20.0, 2.0), (4.0, 2.0), (2.0, 10.0)])
+def test_constants_weigh_an_effect_by_their_tolerances(without: float, beside: float) -> None:
+    """The misfit tells nothing: the mean over strengths, evenly in their logarithm, of what constants say."""
+    strength = 0.8
+
+    def likelihood(s: float) -> float:
+        # Normal about the strength that was fitted; constants that are off with it are so beyond it, too.
+        t = s / strength if without > beside else min(s / strength, 1.0)
+        return exp(0.5 * (without - beside) * t * (2.0 - t))
+
+    expected = quad(lambda x: likelihood(exp(x)), log(0.5), log(2.0), points=[log(strength)])[0] / log(4.0)
+    base, fitted = _with_constants(without, 0.0), _with_constants(beside, strength)
+    assert bayes_factor(base, fitted, fall=0.0, needed=100.0) == pytest.approx(expected, rel=0.03)
+
+
+def _with_constants(off: float, strength: float) -> FittedModel:
+    """What a factor asks of a model; its effect would hardly show."""
+    asked = SimpleNamespace(constants_off=off, strength_beside=lambda base: strength, sensitive_fall=1e-6)
+    return cast(FittedModel, asked)

@@ -15,6 +15,7 @@ from fingerlab.diagnosis.score.evidence import Evidence, needed_fall, undetectab
 from fingerlab.diagnosis.score.fitted_model import FittedModel, at_assumed_bounds, own_keys
 from fingerlab.diagnosis.score.selection import justified, least_strength
 from fingerlab.diagnosis.settings import (
+    CONSTANTS_SPEAK,
     MOST_NAMED,
     NOTHING_SEEN,
     SET_LOG_ODDS,
@@ -103,6 +104,7 @@ def candidates(
         least = least_strength(fitted, needed_fall(evidence, fitted))
         shown = loose if one.special == "slack" else least <= 1.0
         shown = shown or name in models.replaced or justified(evidence.base, fitted)
+        shown = shown or (evidence.verdict == Verdict.MISSING_EFFECT and name == evidence.best.last_effect.id)
         fitted = models.reported.get(name, fitted)
         result.append(
             Candidate(
@@ -232,15 +234,17 @@ def explanation(
     error = "the error" if alone else "the held-out error"
     before, after = score_text(evidence.base.score), score_text(fitted.score)
     fall = f"goes from {before} to {after} floors" if before != after else f"stays at {after} floors"
-    said = _said(fitted, effect)
+    said, told = _said(fitted, effect), _told_by_constants(evidence.base, fitted)
     if not shown:
         strength = would_have_shown(fitted, effect, least)
         reveal = (effect.reveal_of_an_axis if _on_bench(fitted) else "") or effect.reveal
         from_there = f" (it would have shown from {strength} on)" if strength else ""
         if ";" in strength:
             from_there = f" (it would have shown from these on: {strength})"
-        return f"{said} These data could not show it at a plausible strength{from_there}; {reveal} would."
-    if fitted.misfit > evidence.base.misfit * NOTHING_SEEN and not replaced:
+        return (
+            f"{said} These data could not show it at a plausible strength{from_there}; {reveal} would.{told}"
+        )
+    if fitted.misfit > evidence.base.misfit * NOTHING_SEEN and not (replaced or told):
         return f"{said} Nothing of that is seen: {error} {fall}."
     numbers = [
         f"{parameter_title(effect, name)} "
@@ -250,7 +254,18 @@ def explanation(
     found = f" (first fit: {'; '.join(numbers)})" if numbers else ""
     there = f" in place of {_in_sentence(evidence.base, replaced)}" if replaced else ""
     bounds = _at_bounds(fitted, effect)
-    return f"{said[:-1]}{found}. With it{there} {error} {fall}.{bounds}"
+    return f"{said[:-1]}{found}. With it{there} {error} {fall}.{told}{bounds}"
+
+
+def _told_by_constants(base: FittedModel, fitted: FittedModel) -> str:
+    """What is to be said where constants of the rig that are off come back with an effect; else nothing."""
+    if base.constants_off - fitted.constants_off < CONSTANTS_SPEAK:
+        return ""
+    before, after = base.constants_off, fitted.constants_off
+    return (
+        f" What speaks for it are the rig's constants: without it they are off by {before:.1f} in chi-square "
+        f"by their tolerances, with it by {after:.1f}; {len(base.constants)} is usual."
+    )
 
 
 def _at_bounds(fitted: FittedModel, effect: Effect) -> str:

@@ -43,6 +43,7 @@ from fingerlab.diagnosis.settings import (
     SET_LOG_ODDS,
     SET_PROBABILITY,
     TIE_LOG_ODDS,
+    TOLD_ODDS,
     UNEXPLAINED,
     UNEXPLAINED_SHARE,
     UNKNOWN_LEAST,
@@ -384,7 +385,7 @@ def with_undetected(evidence: Evidence) -> Evidence:
             factors.append(0.0)
         else:
             fall = base.misfit_in_sample - fitted.misfit_in_sample - complexity_penalty(base, fitted)
-            factors.append(bayes_factor(fitted, fall, needed_fall(evidence, fitted)))
+            factors.append(bayes_factor(base, fitted, fall, needed_fall(evidence, fitted)))
     prior = PRIOR_EFFECTS / max(len(factors), 1) / PRIOR_NOTHING
     return share_undetected(evidence, factors, prior)
 
@@ -401,14 +402,30 @@ def needed_fall(evidence: Evidence, fitted: FittedModel) -> float:
 def share_undetected(evidence: Evidence, factors: Sequence[float], prior: float) -> Evidence:
     """The evidence with a share of "nothing missing" given to effects that the data could not have shown.
 
+    One that the rig's constants speak for so clearly that it is far likelier than nothing is found.
+
     Args:
         factors: of every candidate, its likelihood against that of nothing. prior: odds of one effect against
             nothing before anything was seen.
     """
-    odds = np.minimum(prior * np.asarray(factors), 1.0)
+    likelier = np.asarray(factors)
+    odds = prior * likelier
+    if evidence.verdict == Verdict.NOTHING_MISSING and odds.max(initial=0.0) > TOLD_ODDS:
+        nothing = evidence.nothing / (1.0 + float(odds.sum()))
+        probabilities = evidence.probabilities + odds * nothing
+        log_odds = np.log(np.maximum(probabilities, LEAST_PROBABILITY))
+        return replace(
+            evidence,
+            nothing=nothing,
+            probabilities=probabilities,
+            log_odds=log_odds - log_odds.max(),
+            undetected=np.zeros(len(odds)),
+            factors=likelier,
+        )
+    odds = np.minimum(odds, 1.0)
     odds *= min(1.0, MOST_UNDETECTED / max(float(odds.sum()), 1e-300))
     nothing = evidence.nothing / (1.0 + float(odds.sum()))
-    return replace(evidence, nothing=nothing, undetected=odds * nothing, factors=np.asarray(factors))
+    return replace(evidence, nothing=nothing, undetected=odds * nothing, factors=likelier)
 
 
 def undetectable(evidence: Evidence) -> list[int]:

@@ -14,10 +14,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
 from fingerlab.diagnosis.equations.model import Choice, Model
+from fingerlab.diagnosis.equations.parameters import KNOWN_CONSTANTS
 from fingerlab.diagnosis.fit.bounded_step import bounded_step
 from fingerlab.diagnosis.fit.data import Weights, random_effect_columns, temperature_of
 from fingerlab.diagnosis.fit.noise import noise_of_a_sample
@@ -226,6 +228,37 @@ class FittedModel:
     def temperature(self, misfit: float | None = None) -> float:
         """The :func:`temperature_of` of its misfit, or of another one of the same runs."""
         return temperature_of(self.misfit if misfit is None else misfit, self.count, self.runs)
+
+    @cached_property
+    def constants(self) -> dict[str, float]:
+        """How far off the rig's constants are where the runs put them, in tolerances, by unknown.
+
+        One that an effect of the model sets free is not among them.
+        """
+        free = {name for choice in self.choices for name in choice.effect.relaxes}
+        return {
+            unknown.key: float(value) / unknown.parameter.typical
+            for unknown, value in zip(self.model.unknowns, self.fit.values, strict=True)
+            if unknown.name in KNOWN_CONSTANTS - free and not unknown.effect
+        }
+
+    @property
+    def constants_off(self) -> float:
+        """The same of all of them, as a chi-square."""
+        return sum(off**2 for off in self.constants.values())
+
+    def strength_beside(self, base: FittedModel) -> float:
+        """Of the last effect, in multiples of what its sensitivity is of; root mean square.
+
+        What an effect sets free of which nothing is known, as a moment arm, is told by how it has changed.
+        """
+        typical, before = self.sensitivity.strengths, base.values
+        found = []
+        for key, size in typical.items():
+            one = self.model.unknowns[self.model.index[key]]
+            usual = before.get(key, 0.0) if one.parameter.open and not one.effect else 0.0
+            found.append((float(self.fit.values[self.model.index[key]]) - usual) / size)
+        return float(np.sqrt(np.mean(np.square(found)))) if found else 0.0
 
     @property
     def score(self) -> float:

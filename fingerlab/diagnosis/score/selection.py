@@ -241,20 +241,26 @@ def reaches_contact_alone(fitted: FittedModel) -> bool:
     return bool(len(falls)) and float(falls[fitted.in_contact].sum()) > CONTACT_SHARE * float(falls.sum())
 
 
-def bayes_factor(fitted: FittedModel, fall: float, needed: float) -> float:
+def bayes_factor(base: FittedModel, fitted: FittedModel, fall: float, needed: float) -> float:
     """How much likelier what was seen is with the effect at a plausible strength than with nothing.
 
-    The likelihood of a strength is taken as normal about the one that the ``fall`` of the misfit stands for,
-    and as wide as makes the least strength that shows decide.
+    Up to the strength that was fitted, the likelihood of one rises as a parabola by the ``fall`` of the
+    misfit, and beyond it falls as makes the least strength that shows decide. By how much constants of the
+    rig are off without the effect, and are not with it, is told by their tolerances: a parabola, too.
     """
     least = least_strength(fitted, needed)
     if not np.isfinite(least):
         return 1.0
-    width = 2.0 * DECIDING_LOG_ODDS / least**2
-    seen = least * np.sqrt(max(fall, 0.0) / needed)
     strengths = np.exp(np.linspace(np.log(WEAKEST), np.log(STRONGEST), STRENGTH_POINTS))
-    log_likely = -0.5 * width * strengths * (strengths - 2.0 * seen)
-    return float(np.exp(np.minimum(log_likely, np.log(MOST_ODDS))).mean())
+    found, width = fitted.strength_beside(base), 2.0 * DECIDING_LOG_ODDS / least**2
+    beyond = np.maximum(strengths - found, 0.0)
+    short = 1.0 - np.minimum(strengths / found, 1.0) if found > 0.0 else np.zeros(STRENGTH_POINTS)
+    rise = DECIDING_LOG_ODDS * fall / needed
+    back = 0.5 * (base.constants_off - fitted.constants_off) if found > 0.0 else 0.0
+    log_likely = np.minimum(rise * (1.0 - short**2) - 0.5 * width * beyond**2, np.log(MOST_ODDS))
+    # Constants that come back at one strength go off again beyond it.
+    away = short**2 + (beyond / found) ** 2 if back > 0.0 else short**2
+    return float(np.exp(log_likely + back * (1.0 - away)).mean())
 
 
 def least_strength(fitted: FittedModel, needed: float) -> float:

@@ -304,7 +304,11 @@ def _with_what_could_hide(found: Found) -> Found:
         base=scorer.with_sensitivity(evidence.base),
         candidates=tuple(map(scorer.with_sensitivity, candidates)),
     )
-    return replace(found, evidence=with_undetected(evidence))
+    told = with_undetected(evidence)
+    if told.verdict == evidence.verdict:
+        return replace(found, evidence=told)
+    missing = scorer.with_sensitivity(scorer.score_held_out(told.best))
+    return replace(found, evidence=told, path=[evidence.base, missing], refined=None, looked_at={})
 
 
 def _in_floors(question: Question, found: Found) -> Found:
