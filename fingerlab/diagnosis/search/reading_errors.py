@@ -31,6 +31,7 @@ from fingerlab.diagnosis.settings import (
     LEAST_FALL_BEYOND,
     LEAST_IN_CONTACT,
     LEAST_READING_LAG_S,
+    LEAST_SHARE,
     MODELS_BESIDE_ERRORS,
     MOST_FORCE_ZERO_N,
     MOST_READING_GAIN,
@@ -231,8 +232,9 @@ def find_reading_error(
     """What is wrong with a channel's reading beyond what was known, and the model that holds it.
 
     None: with it none of the models leaves far less than the first one does without, or that leaves little;
-    nor does it explain nearly all that the last one leaves, and more than the first one does. A simpler error
-    that leaves about as much is taken for it.
+    nor does it explain nearly all that the last one leaves, and more than the first one does. Where no effect
+    is borne out, an error that explains a share may stand in the way of all of them. A simpler error that
+    leaves about as much is taken for it.
 
     Args:
         models: the best first, the one as given last.
@@ -263,7 +265,11 @@ def find_reading_error(
         fewer = len(one.without.choices) < len(best.choices)
         return one.suspect is TORQUE_SCALE and fewer and not lacks_fit(one.fitted, NEARLY_RIGHT)
 
-    for holds in (explains_all, leaves_far_less, stands_for_others):
+    def stands_in_the_way(one: _Tried) -> bool:
+        none_found = ended and len(best.choices) == len(given.choices)
+        return lacking and none_found and one.fitted.misfit < (1.0 - LEAST_SHARE) * best.misfit
+
+    for holds in (explains_all, leaves_far_less, stands_for_others, stands_in_the_way):
         found = list(filter(holds, tried))
         if found:
             most = min(one.fitted.misfit + LEAST_FALL_BEYOND * one.fitted.count for one in found)

@@ -115,8 +115,8 @@ class Found:
 
     @property
     def models(self) -> list[FittedModel]:
-        """The model that the path leads to, those that were as near, those on the way; the given one last."""
-        return [self.path[-1], *(one for _, one in self.looked_at.values()), *reversed(self.path[:-1])]
+        """See :func:`_models`."""
+        return _models(self.path, self.looked_at)
 
     @property
     def better(self) -> ExchangedModel | None:
@@ -197,8 +197,14 @@ class Begun:
 
     @property
     def models(self) -> list[FittedModel]:
-        """The model that it leads to, those that were as near, and the one as given."""
-        return [self.first.end, *(one for _, one in self.first.looked_at.values()), self.first.path[0]]
+        """See :func:`_models`."""
+        first = self.first
+        return _models([*first.path[:-1], first.end], first.looked_at)
+
+
+def _models(path: Sequence[FittedModel], looked_at: Refined) -> list[FittedModel]:
+    """The model that a path leads to, those that were as near, those on the way; the given one last."""
+    return [path[-1], *(one for _, one in looked_at.values()), *reversed(path[:-1])]
 
 
 def begin_search(question: Question, scorer: Scorer) -> Begun:
