@@ -250,6 +250,8 @@ def _verdict_sentence(diagnosis: Diagnosis) -> str:
         f"with {'the first of them' if several else 'it'} the error on {judged_on(diagnosis)} falls "
         f"from {score} to {score_text(best.score)} times {_floor(diagnosis)}"
     )
+    if told_by_constants(diagnosis):
+        fall = f"{error} with it as well, and what speaks for it are the rig's constants"
     fall += _as_well(diagnosis, best)
     if several:
         alike = indistinguishable(diagnosis)
@@ -511,6 +513,14 @@ def calibration_sentence(diagnosis: Diagnosis) -> str:
         f"{text} This session is unlike nearly all of those: {'; '.join(said.unusual)}. So its probabilities "
         "were drawn towards one another and claim less."
     )
+
+
+def told_by_constants(diagnosis: Diagnosis) -> bool:
+    """Whether the effect that is missing does not bring the error down: the rig's constants tell it alone."""
+    if diagnosis.verdict != Verdict.MISSING_EFFECT or len(diagnosis.path) != 2:
+        return False
+    before, after = diagnosis.path
+    return score_text(before.score) == score_text(after.score)
 
 
 def worth_adding(diagnosis: Diagnosis) -> tuple[str, ...]:

@@ -27,6 +27,7 @@ from fingerlab.report.diagnosis_words import (
     listed,
     on_the_path,
     shown_best_first,
+    told_by_constants,
     worth_adding,
 )
 from fingerlab.report.parameter_words import held_words
@@ -443,6 +444,9 @@ def path_sentence(diagnosis: Diagnosis) -> str:
     if not added:
         return "No effect earns its place, so the path ends where it begins."
     last = diagnosis.path[-1].score
+    if told_by_constants(diagnosis):
+        title = in_sentence(on_the_path(diagnosis, added[0]))
+        return f"The error stays at {score_text(last)} with {title}: the rig's constants come back."
     steps = [
         f"{in_sentence(s.title or on_the_path(diagnosis, s.added))}{_instead(diagnosis, s.removed)} to "
         f"{score_text(s.score)}"

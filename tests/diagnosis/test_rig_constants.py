@@ -15,6 +15,8 @@ from fingerlab.diagnosis import diagnose
 from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.score.selection import bayes_factor
+from fingerlab.report.diagnosis_words import verdict_sentence
+from fingerlab.report.score_words import path_sentence
 from fingerlab.sessions import open_session
 from fingerlab.sessions.model import Session
 from tests.diagnosis import closed_form as made
@@ -63,6 +65,8 @@ def test_a_rotor_that_hides_behind_constants_is_told_by_them(tmp_path: Path) -> 
     assert first.probability > 0.7
     assert "What speaks for it are the rig's constants: without it they are off by 2" in first.explanation
     assert "rig_constant" not in [one.kind for one in found.bench]
+    assert path_sentence(found).startswith("The error stays at 1.02 with other inertia")
+    assert verdict_sentence(found).endswith("and what speaks for it are the rig's constants.")
 
 
 @pytest.mark.parametrize(("without", "beside"), [(20.0, 2.0), (4.0, 2.0), (2.0, 10.0)])

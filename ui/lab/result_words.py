@@ -29,6 +29,7 @@ from fingerlab.report.diagnosis_words import (
     on_the_path,
     one_run,
     rivalled,
+    told_by_constants,
     unsure,
     worth_adding,
     would_show,
@@ -147,7 +148,8 @@ def _set_words(diagnosis: Diagnosis) -> str:
             return f"None of the {len(diagnosis.candidates)} effects tried explains {what}."
         if titles and needed_together(diagnosis):
             return "Not enough by itself: the path needs several effects together."
-        return "Told apart from every other effect." if titles else "No effect is called for."
+        told = " The error stays: the rig's constants speak for it." if told_by_constants(diagnosis) else ""
+        return f"Told apart from every other effect.{told}" if titles else "No effect is called for."
     return f"Cannot be told apart here: {listed(titles)}.{' ' if also else ''}{also}"
 
 
