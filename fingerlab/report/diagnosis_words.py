@@ -250,7 +250,7 @@ def _verdict_sentence(diagnosis: Diagnosis) -> str:
         f"with {'the first of them' if several else 'it'} the error on {judged_on(diagnosis)} falls "
         f"from {score} to {score_text(best.score)} times {_floor(diagnosis)}"
     )
-    if told_by_constants(diagnosis):
+    if error_stays(diagnosis):
         fall = f"{error} with it as well, and what speaks for it are the rig's constants"
     fall += _as_well(diagnosis, best)
     if several:
@@ -515,7 +515,7 @@ def calibration_sentence(diagnosis: Diagnosis) -> str:
     )
 
 
-def told_by_constants(diagnosis: Diagnosis) -> bool:
+def error_stays(diagnosis: Diagnosis) -> bool:
     """Whether the effect that is missing does not bring the error down: the rig's constants tell it alone."""
     if diagnosis.verdict != Verdict.MISSING_EFFECT or len(diagnosis.path) != 2:
         return False

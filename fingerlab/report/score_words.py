@@ -21,13 +21,13 @@ from fingerlab.report.diagnosis_words import (
     called,
     called_in_sentence,
     effect_title,
+    error_stays,
     in_sentence,
     indistinguishable,
     judged_on,
     listed,
     on_the_path,
     shown_best_first,
-    told_by_constants,
     worth_adding,
 )
 from fingerlab.report.parameter_words import held_words
@@ -444,7 +444,7 @@ def path_sentence(diagnosis: Diagnosis) -> str:
     if not added:
         return "No effect earns its place, so the path ends where it begins."
     last = diagnosis.path[-1].score
-    if told_by_constants(diagnosis):
+    if error_stays(diagnosis):
         title = in_sentence(on_the_path(diagnosis, added[0]))
         return f"The error stays at {score_text(last)} with {title}: the rig's constants come back."
     steps = [

@@ -16,6 +16,7 @@ from fingerlab.report.diagnosis_words import (
     better_chance,
     called,
     could_hide,
+    error_stays,
     exchange_words,
     held_sentence,
     holds,
@@ -29,7 +30,6 @@ from fingerlab.report.diagnosis_words import (
     on_the_path,
     one_run,
     rivalled,
-    told_by_constants,
     unsure,
     worth_adding,
     would_show,
@@ -148,7 +148,7 @@ def _set_words(diagnosis: Diagnosis) -> str:
             return f"None of the {len(diagnosis.candidates)} effects tried explains {what}."
         if titles and needed_together(diagnosis):
             return "Not enough by itself: the path needs several effects together."
-        told = " The error stays: the rig's constants speak for it." if told_by_constants(diagnosis) else ""
+        told = " The error stays: the rig's constants speak for it." if error_stays(diagnosis) else ""
         return f"Told apart from every other effect.{told}" if titles else "No effect is called for."
     return f"Cannot be told apart here: {listed(titles)}.{' ' if also else ''}{also}"
 

@@ -9,7 +9,7 @@ import numpy as np
 from fingerlab.core.text import fixed, listed, screen_unit
 from fingerlab.diagnosis.answer.results import BenchFinding
 from fingerlab.diagnosis.equations.coefficients import DELAY
-from fingerlab.diagnosis.equations.parameters import OF_CONSTANT, TORQUE_LAG
+from fingerlab.diagnosis.equations.parameters import OF_CONSTANT, RIG_CONSTANTS, TORQUE_LAG
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.gram.run_constants import SOURCES, Offsets
 from fingerlab.diagnosis.score.fitted_model import FittedModel, at_bound
@@ -35,7 +35,6 @@ from fingerlab.diagnosis.signals.filters import (
 )
 from fingerlab.diagnosis.signals.reading_errors import CHANNELS, FORCE, JOINTS, MCP, MOTOR, PIP, TORQUE
 from fingerlab.diagnosis.signals.scales import as_recorded
-from fingerlab.rig.file import FITTED_CONSTANTS
 from fingerlab.sessions.model import CHANNEL_UNITS
 
 SENSORS = {"mcp_angle": "MCP sensor", "pip_angle": "PIP sensor", "motor_position": "motor's encoder"}
@@ -182,7 +181,7 @@ def _late_read(name: str, late: float) -> BenchFinding:
 def _rig_constants(reduction: Reduction, last: FittedModel) -> list[BenchFinding]:
     """Constants that the runs put where the rig file's tolerances end, or beyond: seldom by chance."""
     rig, model, off = reduction.rig, last.model, list[str]()
-    told = (*FITTED_CONSTANTS, "torque_constant", *(("inertia",) if rig.motor.inertia else ()))
+    told = [name for name in RIG_CONSTANTS if name != "inertia" or rig.motor.inertia]
     for name in told if rig.finger is not None else ():
         place = model.index.get(OF_CONSTANT.get(name, name))
         if place is None or model.unknowns[place].key in reduction.fixed:

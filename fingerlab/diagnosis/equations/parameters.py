@@ -73,9 +73,9 @@ BENCH_RANGES = {
 OF_CONSTANT = {"torque_constant": "torque_gain", "inertia": "rotor_inertia"}
 """Constants of a rig file whose unknowns go by another name: by what share the torque reads too high, and the
 inertia of the motor beyond the rig file's."""
-KNOWN_CONSTANTS = frozenset(
-    OF_CONSTANT.get(name, name) for name in (*FITTED_CONSTANTS, "torque_constant", "inertia", "force_gain")
-)
+RIG_CONSTANTS = (*FITTED_CONSTANTS, "torque_constant", "inertia")
+"""Constants of a rig file that every model leaves open within their tolerances."""
+KNOWN_CONSTANTS = frozenset(OF_CONSTANT.get(name, name) for name in (*RIG_CONSTANTS, "force_gain"))
 """Unknowns of which a rig file or a data sheet says how far off they usually are."""
 ARM = Parameter("m", 0.002, 0.04, 0.01, source="assumed: from 2 to 40 mm", default=0.01, open=True)
 IN_CONTACT = ("force_gain", "lateral", SET_DOWN, "lateral_spring", RUBS, *SLIPS, "tip_tilt", "tip_compliance")

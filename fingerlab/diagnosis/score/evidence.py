@@ -411,21 +411,19 @@ def share_undetected(evidence: Evidence, factors: Sequence[float], prior: float)
     likelier = np.asarray(factors)
     odds = prior * likelier
     if evidence.verdict == Verdict.NOTHING_MISSING and odds.max(initial=0.0) > TOLD_ODDS:
-        nothing = evidence.nothing / (1.0 + float(odds.sum()))
-        probabilities = evidence.probabilities + odds * nothing
-        log_odds = np.log(np.maximum(probabilities, LEAST_PROBABILITY))
-        return replace(
-            evidence,
-            nothing=nothing,
-            probabilities=probabilities,
-            log_odds=log_odds - log_odds.max(),
-            undetected=np.zeros(len(odds)),
-            factors=likelier,
-        )
+        return replace(_found_by(evidence, odds), undetected=np.zeros(len(odds)), factors=likelier)
     odds = np.minimum(odds, 1.0)
     odds *= min(1.0, MOST_UNDETECTED / max(float(odds.sum()), 1e-300))
     nothing = evidence.nothing / (1.0 + float(odds.sum()))
     return replace(evidence, nothing=nothing, undetected=odds * nothing, factors=likelier)
+
+
+def _found_by(evidence: Evidence, odds: Array) -> Evidence:
+    """The evidence where each effect is so many times as likely as nothing, (candidates,), and found."""
+    nothing = evidence.nothing / (1.0 + float(odds.sum()))
+    probabilities = evidence.probabilities + odds * nothing
+    log_odds = np.log(np.maximum(probabilities, LEAST_PROBABILITY))
+    return replace(evidence, nothing=nothing, probabilities=probabilities, log_odds=log_odds - log_odds.max())
 
 
 def undetectable(evidence: Evidence) -> list[int]:

@@ -118,6 +118,7 @@ def _of_joints(sensors: Sequence[str], names: Sequence[str], motion: Motion, sha
         mcp = mcp + force * nominal.contact_lever_mcp(finger, at.mcp, at.pip)
         return mcp, pip + force * nominal.contact_lever_pip(finger, at.mcp, at.pip)
 
+    usual = torques(joints)
     for name in names:
         change = {
             key: _changes(values, rate_hz)[name] if key.partition("_")[0] in off else np.zeros_like(values)
@@ -126,7 +127,7 @@ def _of_joints(sensors: Sequence[str], names: Sequence[str], motion: Motion, sha
         most = max(float(np.max(np.abs(change[joint]))) for joint in off)
         step = SMALL_TURN / max(most, 1e-12)
         moved = nominal.JointMotion(**{key: v + step * change[key] for key, v in vars(joints).items()})
-        slopes = ((b - a) / step for a, b in zip(torques(joints), torques(moved), strict=True))
+        slopes = ((b - a) / step for a, b in zip(usual, torques(moved), strict=True))
         terms += [Term(row, name, s, "joint") for row, s in zip((Row.MCP, Row.PIP), slopes, strict=True)]
         terms += [
             Term(Row.CABLE, name, change["mcp"], "arm_mcp"),
