@@ -325,9 +325,14 @@ LEAST_CONSTANTS = 0.01
 """Log density by which every value of repeated runs must gain from such constants, or there are none: a
 squared score of 0.02. Clean benches gain 0.001 at most; 30 mA of an amplifier or 0.4 degrees of a sensor gain
 about 10."""
-LEAST_SHARE_OF_CONSTANTS = 0.02
-"""... and every kind of channel must bring this share of the gain: a spring that is stiffer than its nominal
-constant by a fifth makes an angle's zero look a little like the motor's; assumed."""
+LEAST_SHARE_OF_CONSTANTS = 0.002
+"""... and every kind of channel must bring this share of the gain: a moment arm that is off by 5 % makes an
+angle's zero look a little like the motor's; assumed."""
+SPRING_SPREAD, SPRING_RANGE = 0.2, (0.4, 2.5)
+"""... beyond what springs of another stiffness would: by how much of the nominal one, one standard deviation,
+and how far at most; assumed: springs out of one box scatter by half of it."""
+AS_WELL_TOLD = 3.0
+"""Nats up to which a kind of channel that could move instead of another may be the one that does: 20 to 1."""
 REPORTED_OFFSET = 3.0
 """A zero is said to move that moves by so many times what it is known to; assumed."""
 REPORTED_SHARE = 0.4

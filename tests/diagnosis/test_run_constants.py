@@ -13,7 +13,13 @@ from fingerlab.diagnosis.equations.features import FeatureSet
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.gram.run_constants import EquationWeights, RunConstants, RunTotals, schur_complement
 from fingerlab.diagnosis.gram.sums import Sums
-from fingerlab.diagnosis.score.bench_constants import find_constants, likeliest_constants, settle_constants
+from fingerlab.diagnosis.score.bench_constants import (
+    Contrasts,
+    find_constants,
+    likeliest_constants,
+    likeliest_spreads,
+    settle_constants,
+)
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
 from fingerlab.effects.base import Row
@@ -99,6 +105,45 @@ def test_moved_zeros_are_told_from_an_offset_whatever_the_law_lacks(missing: mad
     assert drifting is not None
     assert 0.6 < drifting.spreads[2] / OFFSETS_NM.std(ddof=1) < 1.6
     assert drifting.spreads[0] == 0.0
+
+
+def noisy(stiffer: float = 1.0) -> made.Bench:
+    """A bench with an encoder of 0.2 degrees, and springs so many times as stiff as the rig file says."""
+    bench = made.Bench(position_noise=3e-3, angle_noise=1e-3)
+    springs = {name: getattr(made.NOMINAL, name) * stiffer for name in ("mcp_stiffness", "pip_stiffness")}
+    return replace(bench, finger=replace(bench.finger, **springs))
+
+
+@pytest.mark.parametrize("stiffer", [0.8, 1.0, 1.25])
+def test_an_offset_is_found_beside_zeros_that_explain_far_more(stiffer: float) -> None:
+    """Zeros of a degree bring two hundred times the noise, the offset two, which would turn a verdict."""
+    # Not in the zeros' proportions: a spring of another stiffness would look like that.
+    found = found_in(spoiled(2.0 * ZEROS_RAD, OFFSETS_NM[[0, 2, 1, 3]], noisy(stiffer)))
+    assert found is not None
+    assert 0.4 < found.spreads[0] / (2.0 * ZEROS_RAD).std(ddof=1) < 1.5
+    assert 0.6 < found.spreads[2] / OFFSETS_NM.std(ddof=1) < 1.6
+
+
+@pytest.mark.parametrize("stiffer", [0.8, 1.0, 1.25])
+def test_zeros_beside_a_spring_of_another_stiffness_are_no_offset(stiffer: float) -> None:
+    found = found_in(spoiled(2.0 * ZEROS_RAD, np.zeros(4), noisy(stiffer)))
+    assert found is not None
+    assert found.spreads[0] > 0.0
+    assert found.spreads[2] == found.spreads[3] == 0.0
+
+
+def test_of_what_the_cable_alone_tells_any_angle_may_have_moved() -> None:
+    """A way of the cable that is another one in two runs: by a joint's zero, or by the motor's, as likely."""
+    information, shares = np.zeros((1, 5, 5)), np.zeros((1, 5, 5))
+    information[0, Row.CABLE, Row.CABLE] = 1e10  # 200 samples of an encoder of half a degree on 10 mm
+    shares[0, Row.CABLE, [0, 1, 3]] = 0.010, 0.008, 0.012
+    moved = 0.012 * np.radians(0.5)
+    pull = np.zeros((1, 5))
+    pull[0, Row.CABLE] = moved * information[0, Row.CABLE, Row.CABLE]
+    spreads = likeliest_spreads(Contrasts(pull, information, shares, 200.0))
+    assert spreads[[2, 4]].tolist() == [0.0, 0.0]
+    assert spreads[0] == spreads[1] == pytest.approx(moved / np.hypot(0.010, 0.008), rel=0.3)
+    assert spreads[3] == pytest.approx(np.radians(0.5), rel=0.3)
 
 
 def test_an_offset_in_runs_that_repeat_no_motion_is_found_at_its_size() -> None:

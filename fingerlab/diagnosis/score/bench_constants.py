@@ -15,6 +15,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.optimize import minimize
 
 from fingerlab.diagnosis.equations.features import FORCE, Layout
 from fingerlab.diagnosis.equations.model import Choice, Model
@@ -35,6 +36,7 @@ from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.score.selection import lacks_fit
 from fingerlab.diagnosis.settings import (
+    AS_WELL_TOLD,
     CONSTANTS_ROUNDS,
     DECIDING_LOG_ODDS,
     HALF_LEFT,
@@ -47,6 +49,8 @@ from fingerlab.diagnosis.settings import (
     ONE_WAY_POINTS,
     RUN_CONSTANT_RANGE,
     SPREAD_STEPS,
+    SPRING_RANGE,
+    SPRING_SPREAD,
     STANDING_LOAD,
     STILL_LEFT,
 )
@@ -153,27 +157,57 @@ def is_borne_out(before: FittedModel, end: FittedModel, complete: bool) -> bool:
 
 @dataclass(frozen=True)
 class Contrasts:
-    """Differences between repeated runs: what each says of the sources.
+    """Differences between repeated runs: what each says of constants in the equations.
 
     ``pull`` (n, 5) is the gradient of the log density at no constant, ``information`` (n, 5, 5) minus its
-    curvature. ``values`` are the independent values of the runs behind them.
+    curvature, both over ``Row``; ``shares`` (n, 5, 5) what one unit of each source adds to the equations.
+    ``values`` are the independent values of the runs behind them.
     """
 
     pull: Array
     information: Array
+    shares: Array
     values: float
 
     def at_most(self) -> float:
         """What no spreads can exceed: all that constants in every run would explain."""
-        inverse = np.linalg.pinv(self.information, hermitian=True, rcond=1e-9)
-        return float(0.5 * np.einsum("ri,rij,rj->", self.pull, inverse, self.pull))
+        pull, information = self._of_sources(NOMINAL)
+        inverse = np.linalg.pinv(information, hermitian=True, rcond=1e-9)
+        return float(0.5 * np.einsum("ri,rij,rj->", pull, inverse, pull))
 
-    def log_density(self, spreads: Array) -> float:
-        """Of the differences, against that with no constants of the runs; ``spreads`` (5,)."""
-        pull = self.pull * spreads
-        matrix = np.eye(len(spreads)) + self.information * np.outer(spreads, spreads)
+    def log_density(self, spreads: Array, springs: Array) -> float:
+        """Of the differences, against that with no constants of the runs; ``spreads`` (5,).
+
+        Args:
+            springs: by how many times each joint's spring is as stiff as the rig file says, (2,).
+        """
+        pull, information = self._of_sources(springs)
+        pull = pull * spreads
+        matrix = np.eye(len(spreads)) + information * np.outer(spreads, spreads)
         explained = np.einsum("ri,ri->", pull, np.linalg.solve(matrix, pull[:, :, None])[:, :, 0])
         return float(0.5 * explained - 0.5 * np.linalg.slogdet(matrix)[1].sum())
+
+    def with_free_springs(self, spreads: Array) -> float:
+        """The same with the stiffness of the springs as likely as may be: a zero acts through its spring."""
+
+        def cost(springs: Array) -> float:
+            far = (springs - 1.0) / SPRING_SPREAD
+            return 0.5 * float(far @ far) - self.log_density(spreads, springs)
+
+        return -float(minimize(cost, NOMINAL, bounds=[SPRING_RANGE] * 2).fun)
+
+    def _of_sources(self, springs: Array) -> tuple[Array, Array]:
+        """Pull (n, 5) and information (n, 5, 5) over ``SOURCES``."""
+        shares = self.shares.copy()
+        for joint, row in enumerate((Row.MCP, Row.PIP)):
+            shares[:, row, joint] *= springs[joint]
+        return np.einsum("re,res->rs", self.pull, shares), shares.transpose(
+            0, 2, 1
+        ) @ self.information @ shares
+
+
+NOMINAL = np.ones(2)
+"""Both joints' springs as stiff as the rig file says."""
 
 
 def find_constants(
@@ -202,13 +236,11 @@ def find_constants(
         _averages(model, values, g, weights[g.key], shares[g.key]) if averaged else one
         for g, one, averaged in zip(reduced.groups, found, lone, strict=True)
     ]
-    pull = np.concatenate([one.pull for one in found])
-    if not len(pull):
+    if not any(len(one.pull) for one in found):
         return None
-    contrasts = Contrasts(
-        pull, np.concatenate([one.information for one in found]), sum(one.values for one in found)
-    )
-    spreads = _likeliest(contrasts)
+    columns = zip(*((one.pull, one.information, one.shares) for one in found), strict=True)
+    pull, information, each = map(np.concatenate, columns)
+    spreads = likeliest_spreads(Contrasts(pull, information, each, sum(one.values for one in found)))
     return RunConstants(spreads, shares, any(lone)) if spreads.any() else None
 
 
@@ -231,8 +263,8 @@ def _contrasts(
 ) -> Contrasts:
     """Of a group's runs: orthonormal differences between those of each motion (Helmert's)."""
     h, own = model.features(values, group), EquationWeights.of(weights)
-    pulls, count = [np.zeros((0, len(SOURCES)))], 0.0
-    information = [np.zeros((0, len(SOURCES), len(SOURCES)))]
+    pulls, count = [np.zeros((0, len(Row)))], 0.0
+    information = [np.zeros((0, len(Row), len(Row)))]
     every = [t for fold in group.folds for t in fold.totals]
     for motion in sorted({m for t in every if (m := motions[t.number]) is not None}):
         totals = [t for t in every if motions[t.number] == motion]
@@ -241,23 +273,23 @@ def _contrasts(
             continue
         # Runs of one motion are about equally long; as if they were just so.
         each = lengths.mean() / lengths
-        pull = np.einsum("rke,k,es->rs", with_constants(totals, model.pick, own), -h, share)
+        pull = np.einsum("rke,k->re", with_constants(totals, model.pick, own), -h)
         mean = (of_constants(totals, own) * each[:, None, None]).mean(axis=0)
         basis = _helmert(len(totals))
         pulls.append(basis @ (pull * each[:, None]))
-        information.append(np.repeat((share.T @ mean @ share)[None], len(basis), axis=0))
+        information.append(np.repeat(mean[None], len(basis), axis=0))
         count += EFFECTIVE_SHARE * group.equations * float(lengths.sum())
-    return Contrasts(np.concatenate(pulls), np.concatenate(information), count)
+    pull = np.concatenate(pulls)
+    return Contrasts(pull, np.concatenate(information), np.repeat(share[None], len(pull), axis=0), count)
 
 
 def _averages(model: Model, values: Array, group: Group, weights: Array, share: Array) -> Contrasts:
     """What every run of a group misses on its average."""
     h, own = model.features(values, group), EquationWeights.of(weights)
     totals = [t for fold in group.folds for t in fold.totals]
-    pull = np.einsum("rke,k,es->rs", with_constants(totals, model.pick, own), -h, share)
-    information = share.T @ of_constants(totals, own) @ share
+    pull = np.einsum("rke,k->re", with_constants(totals, model.pick, own), -h)
     count = EFFECTIVE_SHARE * group.equations * float(sum(t.counts[0] for t in totals))
-    return Contrasts(pull, information, count)
+    return Contrasts(pull, of_constants(totals, own), np.repeat(share[None], len(pull), axis=0), count)
 
 
 def _helmert(count: int) -> Array:
@@ -268,10 +300,12 @@ def _helmert(count: int) -> Array:
     return np.asarray(rows / np.linalg.norm(rows, axis=1, keepdims=True))
 
 
-def _likeliest(contrasts: Contrasts) -> Array:
+def likeliest_spreads(contrasts: Contrasts) -> Array:
     """Spreads of greatest likelihood, (5,), each kind of channel with one; zero where it hardly matters.
 
-    One kind after the other on a grid. A kind stays only if the others cannot take its place.
+    One kind after the other on a grid. A kind stays only if the others cannot take its place, with springs
+    that may be of another stiffness than the rig file says: an angle's zero looks a little like the motor's
+    then. Of kinds that tell the same as well, any may be the one that moves.
     """
     grid = np.concatenate(([0.0], np.geomspace(*RUN_CONSTANT_RANGE, SPREAD_STEPS)))
 
@@ -281,12 +315,16 @@ def _likeliest(contrasts: Contrasts) -> Array:
             spreads[list(kind)] = spread
         return spreads
 
-    def climbed(each: list[float], free: Sequence[int]) -> tuple[float, list[float]]:
-        best = contrasts.log_density(of(each))
+    def density(each: Sequence[float]) -> float:
+        return contrasts.log_density(of(each), NOMINAL)
+
+    def climbed(start: Sequence[float], free: Sequence[int]) -> tuple[float, list[float]]:
+        each = [s if k in free else 0.0 for k, s in enumerate(start)]
+        best = density(each)
         while True:
             before = best
             for k in free:
-                tried = [contrasts.log_density(of([*each[:k], s, *each[k + 1 :]])) for s in grid]
+                tried = [density([*each[:k], s, *each[k + 1 :]]) for s in grid]
                 best, each[k] = max(tried), float(grid[int(np.argmax(tried))])
             if best <= before + 1e-6 * abs(before):
                 return best, each
@@ -299,13 +337,15 @@ def _likeliest(contrasts: Contrasts) -> Array:
     if best < least:
         return np.zeros(len(SOURCES))
     while len(free) > 1:
-        fewer = []
-        for k in free:
-            start = [0.0 if j == k else s for j, s in enumerate(each)]
-            fewer.append((*climbed(start, [j for j in free if j != k]), k))
-        other, values, needless = max(fewer)
-        if best - other >= max(least, LEAST_SHARE_OF_CONSTANTS * best):
+        others = {k: [j for j in free if j != k] for k in free}
+        fewer = {k: climbed(each, others[k]) for k in free}
+        left = {k: contrasts.with_free_springs(of(fewer[k][1])) for k in free}
+        needless = max(free, key=lambda k: left[k])
+        if best - left[needless] >= max(least, LEAST_SHARE_OF_CONSTANTS * best):
             break
-        best, each = other, values
-        free.remove(needless)
+        (best, each), free = fewer[needless], others[needless]
+    for k, kept in [(k, kept) for k in range(len(KINDS)) if k not in free for kept in free]:
+        instead, its = climbed(each, [k, *(j for j in free if j != kept)])
+        if its[k] and best - instead < AS_WELL_TOLD:
+            each[k] = max(each[k], its[k])
     return of(each)
