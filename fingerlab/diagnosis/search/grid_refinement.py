@@ -406,6 +406,11 @@ def break_ties(
             one = scorer, scorer.fit_reweighted(candidate.choices, candidate, weights)
             weights = one[1].weights
         refined.append(one if refined else (one[0], one[0].score_held_out(one[1])))
+    laws = (evidence.candidates[i].last_effect for i in tied)
+    refined = [
+        _no_worse_than_held(reduction, law, one, refined, watch)
+        for law, one in zip(laws, refined, strict=True)
+    ]
     # All are scored in the floors of the likeliest.
     floors = min((by.deviance(fitted), k) for k, (by, fitted) in enumerate(refined))[1]
     under = refined[floors][1].weights
@@ -414,6 +419,39 @@ def break_ties(
     ]
     found = {one.last_effect.id: (by, one) for (by, _), one in zip(refined, scored, strict=True)}
     return with_refined_odds(evidence, tied, scored), found
+
+
+def _no_worse_than_held(
+    reduction: Reduction,
+    law: Effect,
+    refined: tuple[Scorer, FittedModel],
+    others: Sequence[tuple[Scorer, FittedModel]],
+    watch: Watch,
+) -> tuple[Scorer, FittedModel]:
+    """A law at its refined shape; where it leaves more than one that it holds, from the shape of that on.
+
+    With its further gains at zero it leaves as much: the shapes around the best point of its own grid, on
+    which it is the ``law``, do not always lead there.
+    """
+    best = refined
+    for by, held in others:
+        if not holds(law, held.last_effect) or by.deviance(held) >= best[0].deviance(best[1]):
+            continue
+        choice = held.choices[-1]
+        own = law.shape_units.keys() - choice.effect.shape_units.keys()
+        each = [{name: shape[name] for name in own & shape.keys()} for shape in law.shapes]
+        numbers = [one for place, one in enumerate(each) if one not in each[:place]]
+        found = choice.effect.shapes[choice.shape]
+        last = replace(law, shapes=tuple({**found, **one} for one in numbers))
+        effects = [*at_found_shapes(held)[:-1], last]
+        scorer = Scorer(reduction.refined(effects, watch))
+        tried = [
+            scorer.fit([Choice(e, i if e is last else 0) for e in effects], held, LOOKING_ITERATIONS)
+            for i in range(len(last.shapes))
+        ]
+        again = refine_grid(reduction, min(tried, key=lambda one: one.fit.cost), watch)
+        best = min(best, again, key=lambda one: one[0].deviance(one[1]))
+    return best
 
 
 def _far_from(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 
 from fingerlab.core.progress import SILENT, Progress, Watch
 from fingerlab.diagnosis.fit.data import Weights
@@ -74,6 +75,10 @@ class Stages:
                 self._progress(self._reached, what)
 
         return Watch(tell, self._cancelled)
+
+
+NOTHING: Refined = MappingProxyType({})
+"""No effect was looked at between the points of its grid."""
 
 
 @dataclass(frozen=True)
@@ -240,7 +245,7 @@ def search_effects(question: Question, begun: Begun) -> Found:
         weights = path[-1].weights
     else:
         evidence, weights = _judged_given_path(scorer, resolved, path, effects)
-        refined, path = _refined(question, path, first.refined)
+        refined, path = _refined(question, path, first.refined, looked_at)
         evidence, by, path = _restarted(question, evidence, resolved, first, refined or scorer, path)
         if by is not scorer:
             refined, weights = by, path[-1].weights
@@ -382,16 +387,29 @@ def _first_step(question: Question, scorer: Scorer, evidence: Evidence) -> tuple
         question.reduction, scorer, evidence, weights, watch, GRID_LOG_ODDS, also, known
     )
     if resolved.best is not evidence.best:
-        first = _refined_first(question, [resolved.base, resolved.best])
+        first = _refined_first(question, [resolved.base, resolved.best], found)
     return resolved, replace(first, looked_at=found)
 
 
-def _refined_first(question: Question, path: list[FittedModel]) -> FirstStep:
+def _refined_first(question: Question, path: list[FittedModel], looked_at: Refined = NOTHING) -> FirstStep:
     """The path of one effect, and the same with its shape refined, if it has one."""
     if not can_refine(path[-1].choices):
         return FirstStep(path, None)
     watch = question.stages.part(0.72, 0.75)
-    return FirstStep(path, RefinedPath(path[-1], *refine_path(question.reduction, path, watch)))
+    return FirstStep(path, _refined_path(question.reduction, path, looked_at, watch))
+
+
+def _refined_path(
+    reduction: Reduction, path: list[FittedModel], looked_at: Refined, watch: Watch
+) -> RefinedPath:
+    """The path with refined shapes: of one effect that was looked at, as it was found."""
+    name = path[-1].last_effect.id
+    if len(path) != 2 or name not in looked_at:
+        return RefinedPath(path[-1], *refine_path(reduction, path, watch))
+    scorer, found = looked_at[name]
+    last = scorer.fit_reweighted(found.choices, found)
+    base = scorer.fit(found.choices[:-1], last, FULL_ITERATIONS)
+    return RefinedPath(path[-1], scorer, [scorer.score_held_out(one) for one in (base, last)])
 
 
 def _many(
@@ -462,19 +480,19 @@ def _judged_given_path(
 
 
 def _refined(
-    question: Question, path: list[FittedModel], first: RefinedPath | None
+    question: Question, path: list[FittedModel], first: RefinedPath | None, looked_at: Refined
 ) -> tuple[Scorer | None, list[FittedModel]]:
     """The path between the points of the grids, and beyond its end; no scorer where that changes nothing.
 
-    ``first``: a path that is refined already, maybe the same.
+    Args:
+        first: a path that is refined already, maybe the same. looked_at: effects that are.
     """
     if len(path) == 1 or not can_refine(path[-1].choices):
         return None, path
     reduction, stages = question.reduction, question.stages
-    if first is not None and first.is_of(path[-1]):
-        scorer, path = first.scorer, first.path
-    else:
-        scorer, path = refine_path(reduction, path, stages.part(0.9, 0.93))
+    if first is None or not first.is_of(path[-1]):
+        first = _refined_path(reduction, path, looked_at, stages.part(0.9, 0.93))
+    scorer, path = first.scorer, first.path
     while lacks_fit(path[-1]) and len(path) <= LONGEST_PATH:
         longer = extend_path(reduction, question.catalogue, path, stages.part(0.93, 0.97))
         if longer is None or len(longer[1]) <= len(path):  # found, but not borne out when refined
