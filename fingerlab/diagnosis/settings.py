@@ -332,7 +332,7 @@ SPRING_SPREAD, SPRING_RANGE = 0.2, (0.4, 2.5)
 """... beyond what springs of another stiffness would: by how much of the nominal one, one standard deviation,
 and how far at most; assumed: springs out of one box scatter by half of it."""
 AS_WELL_TOLD = 3.0
-"""Nats up to which a kind of channel that could move instead of another may be the one that does: 20 to 1."""
+"""Nats up to which the joints' zeros may have moved instead of the motor's, or the other way: 20 to 1."""
 REPORTED_OFFSET = 3.0
 """A zero is said to move that moves by so many times what it is known to; assumed."""
 REPORTED_SHARE = 0.4
@@ -347,6 +347,9 @@ MOST_READING_LAG_S, LEAST_READING_LAG_S = 0.06, 1e-3
 and the tip's friction look like it; both assumed."""
 MOST_READING_GAIN = 0.5
 """The torque's scale is off by up to this share: a monitor's range that was set to another one; assumed."""
+MOST_ANGLE_ZERO, MOST_ANGLE_GAIN = 0.2, 0.2
+"""An angle sensor's zero is off by up to so much, rad, and its scale by this share; assumed: 11 degrees are
+seen by eye, and a fifth in the first motion."""
 LEAST_IN_CONTACT = 0.25
 """An error of the load cell is looked for where contact has this share of what is left: it explains nothing
 in free motion, but a law that is fitted to both has its misfit spread over both; assumed."""

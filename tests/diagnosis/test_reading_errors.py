@@ -30,6 +30,7 @@ from tests.hidden.dirt import (
     WAYS,
 )
 
+from . import closed_form as made
 from .test_no_alarm import shortened
 
 LAG_S = 1.0 / (2.0 * pi * CELL_CUTOFF_HZ)
@@ -137,6 +138,43 @@ def test_one_channel_late_of_all_is_no_law_of_motion(
     assert skews == {channel: pytest.approx(late, rel=0.1)}
     assert found.verdict == "nothing_missing"
     assert found.score < 1.1
+
+
+def misread(session: Session, channel: str, scale: float) -> Session:
+    """A channel that reads what there is over ``scale``."""
+
+    def one(run: Run) -> Run:
+        channels = run.load()
+        channels[channel] = channels[channel] / scale
+        told = {"name": run.name, "phase": run.phase, "cable": run.cable, "trajectory": dict(run.trajectory)}
+        return Run.from_arrays(channels, **told, sample_rate_hz=run.sample_rate_hz)
+
+    return replace(session, runs=tuple(map(one, session.runs)))
+
+
+@pytest.mark.parametrize(("channel", "scale"), [("pip_angle", 1.05), ("mcp_angle", 0.95)])
+def test_an_angle_that_is_read_at_another_scale_is_told_by_it(channel: str, scale: float) -> None:
+    """On a bench with equations of its own; as a cable's stretch it was told, or as a nonlinear sensor."""
+    found = diagnose([misread(made.session(made.Bench()), channel, scale)], with_curves=False)
+    assert found.verdict == "nothing_missing"
+    assert found.score < 1.05
+    (told,) = found.bench
+    assert (told.kind, told.channel) == ("scale", channel)
+    assert told.size == pytest.approx(scale, abs=3e-3)
+
+
+def test_friction_is_named_beside_an_angle_of_another_scale() -> None:
+    """Its law leaves much itself: the scale takes off what a further effect would have to, and no less."""
+    bench = made.Bench(missing=made.Missing(motor_coulomb=5e-3))
+    clean, spoilt = (
+        diagnose([misread(made.session(bench), "mcp_angle", scale)], with_curves=False)
+        for scale in (1.0, 0.95)
+    )
+    assert clean.bench == ()
+    assert [step.added for step in spoilt.path] == [None, "motor_coulomb_friction"]
+    assert spoilt.path[-1].score == pytest.approx(clean.path[-1].score, abs=0.02)
+    assert [(b.kind, b.channel) for b in spoilt.bench] == [("scale", "mcp_angle")]
+    assert spoilt.bench[0].size == pytest.approx(0.95, abs=5e-3)
 
 
 def missed(session: Session, model: ExtendedModel) -> float:

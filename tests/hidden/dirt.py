@@ -34,6 +34,7 @@ CELL_ZERO_N = 0.3
 CELL_MOVES_N = 0.1
 ANGLES_CUTOFF_HZ = CURRENT_CUTOFF_HZ = 20.0
 POSITION_LATE_S = 0.005
+PIP_SCALE = 0.95
 SCALE = 0.8
 CELL, ANGLES, MONITOR = ("endpoint_force",), ("mcp_angle", "pip_angle"), ("motor_current", "motor_torque")
 
@@ -81,13 +82,19 @@ def _quarter(session: Session) -> Session:
     return decimated(session, 4)
 
 
-def _spoilt(kind: str, session: Session) -> Session:
-    return dirty(session, (kind,), np.random.default_rng(SEED))
+def _spoilt(kinds: tuple[str, ...], session: Session) -> Session:
+    return dirty(session, kinds, np.random.default_rng(SEED))
+
+
+def _askew(session: Session) -> Session:
+    """The PIP angle reads less than there is."""
+    return _with(ANGLES[1:], session, lambda angle: PIP_SCALE * angle)
 
 
 WAYS: Mapping[str, Callable[[Session], Session]] = {
     "clean": lambda session: session,
-    **{kind: partial(_spoilt, kind) for kind in KINDS},
+    **{kind: partial(_spoilt, (kind,)) for kind in KINDS},
+    "both": partial(_spoilt, ("zeros", "offset")),
     "gain": partial(_scaled, 1.015),
     "scale": partial(_scaled, SCALE),
     "filter": partial(_filtered, CELL, CELL_CUTOFF_HZ),
@@ -95,6 +102,7 @@ WAYS: Mapping[str, Callable[[Session], Session]] = {
     "mcp": partial(_filtered, ANGLES[:1], ANGLES_CUTOFF_HZ),
     "pip": partial(_filtered, ANGLES[1:], ANGLES_CUTOFF_HZ),
     "position": partial(_late, ("motor_position",), POSITION_LATE_S),
+    "angle": _askew,
     "current": partial(_filtered, MONITOR, CURRENT_CUTOFF_HZ),
     "tare": _not_at_zero,
     "cell": _cell_moves,
@@ -108,6 +116,7 @@ WORDS = {
     "gaps": "a few samples lost every three seconds",
     "hum": "50 mA of hum on the current",
     "skew": "the MCP angle comes 1.5 ms late",
+    "both": "the angles' zeros and the amplifier's offset move as above at once",
     "gain": "the current reads 1.5 % too much",
     "scale": "the current reads 0.8 of what it is",
     "filter": "the load cell's amplifier has a low-pass of first order at 10 Hz",
@@ -115,6 +124,7 @@ WORDS = {
     "mcp": "the MCP angle alone does",
     "pip": "the PIP angle alone does",
     "position": "the motor's position comes 5 ms late",
+    "angle": "the PIP angle reads 0.95 of what it is",
     "current": "the current comes from a low-pass of first order at 20 Hz",
     "tare": "the load cell reads 0.3 N with nothing on it",
     "cell": "the load cell's zero moves by 0.1 N from run to run",

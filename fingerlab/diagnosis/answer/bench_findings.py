@@ -143,16 +143,19 @@ def _readings(reduction: Reduction, last: FittedModel) -> list[BenchFinding]:
     newton, second, found = reduction.scales.of("N"), reduction.scales.of("s"), []
     for name, error in reduction.reading_errors.items():
         late = error.lag + (last.values.get(DELAY, 0.0) if name == JOINTS else 0.0)  # taken off, and beyond
-        if error.zero:
-            found.append(_zero_read(error.zero * newton, in_the_air=bool(reduction.zero_in_the_air)))
-        if error.gain:  # beside what the rig file's tolerance takes of it
-            found.append(_scale_read((1.0 + error.gain) * (1.0 - last.values.get("torque_gain", 0.0))))
+        if error.zero and name == FORCE:
+            found.append(_force_zero(error.zero * newton, in_the_air=bool(reduction.zero_in_the_air)))
+        elif error.zero:
+            found.append(_angle_zero(name, error.zero))
+        if error.gain:  # of the torque, beside what the rig file's tolerance takes of it
+            known = last.values.get("torque_gain", 0.0) if name == TORQUE else 0.0
+            found.append(_scale_read(name, (1.0 + error.gain) * (1.0 - known)))
         if late:
             found.append(_late_read(name, late * second))
     return found
 
 
-def _zero_read(zero: float, in_the_air: bool) -> BenchFinding:
+def _force_zero(zero: float, in_the_air: bool) -> BenchFinding:
     """A load cell that reads ``zero`` N with nothing on it."""
     told_by = "in free motion" if in_the_air else "as the joints tell in contact"
     said = f"The load cell reads {_number(zero)} N with nothing on it, {told_by}; that is taken off"
@@ -160,12 +163,33 @@ def _zero_read(zero: float, in_the_air: bool) -> BenchFinding:
     return BenchFinding("zero", FORCE, zero, "N", (), said, advice)
 
 
-def _scale_read(scale: float) -> BenchFinding:
-    """A motor's torque that is ``scale`` times what its channel reads."""
-    told_by = "as springs, weights and the load cell tell"
-    said = f"The motor's torque is {_number(scale)} times what its channel reads, {told_by}"
-    advice = "check the amplifier's monitor, and the gear ratio and torque constant in the rig file"
-    return BenchFinding("scale", TORQUE, scale, "1", (), f"{said}; it is corrected for that", advice)
+def _angle_zero(name: str, zero: float) -> BenchFinding:
+    """A joint's sensor that reads ``zero`` rad where the joint is straight."""
+    joint = name.removesuffix("_angle").upper()
+    said = f"The {joint} angle reads {_number(np.degrees(zero))} degrees with the joint straight, "
+    said += "as weights and the force's levers tell; that is taken off"
+    return BenchFinding(
+        "zero", name, zero, "rad", (), said, "set its zero before the runs, on a straight joint"
+    )
+
+
+_SCALED = {
+    TORQUE: (
+        "motor's torque",
+        "springs, weights and the load cell",
+        "check the amplifier's monitor, and the gear ratio and torque constant in the rig file",
+    ),
+    MCP: ("MCP angle", "the cable's way and the force's levers", "calibrate it anew, at two angles or more"),
+    PIP: ("PIP angle", "the cable's way and the force's levers", "calibrate it anew, at two angles or more"),
+}
+"""What is read at another scale, by what that is told, and what to do."""
+
+
+def _scale_read(name: str, scale: float) -> BenchFinding:
+    """One of ``CHANNELS`` that is ``scale`` times what its channel reads."""
+    what, tellers, advice = _SCALED[name]
+    said = f"The {what} is {fixed(scale, 3)} times what its channel reads, as {tellers} tell"
+    return BenchFinding("scale", name, scale, "1", (), f"{said}; it is corrected for that", advice)
 
 
 def _late_read(name: str, late: float) -> BenchFinding:

@@ -28,6 +28,8 @@ SOURCES = ("mcp_angle", "pip_angle", "motor_torque", "motor_position", "endpoint
 """Channels whose zero may be another one in every run; rad, rad, N m, rad, N."""
 KINDS = ((0, 1), (2,), (3,), (4,))
 """Sources that scatter alike: whoever clamps one joint's sensor anew does so with the other."""
+OF_CABLE = (0, 2)
+"""Kinds that the cable's way tells of."""
 
 
 @dataclass(frozen=True)

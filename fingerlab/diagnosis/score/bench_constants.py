@@ -24,6 +24,7 @@ from fingerlab.diagnosis.fit.data import Weights
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.gram.run_constants import (
     KINDS,
+    OF_CABLE,
     SOURCES,
     EquationWeights,
     RunConstants,
@@ -305,7 +306,7 @@ def likeliest_spreads(contrasts: Contrasts) -> Array:
 
     One kind after the other on a grid. A kind stays only if the others cannot take its place, with springs
     that may be of another stiffness than the rig file says: an angle's zero looks a little like the motor's
-    then. Of kinds that tell the same as well, any may be the one that moves.
+    then. Where the cable's way tells of the joints' zeros or the motor's as well, either may have moved.
     """
     grid = np.concatenate(([0.0], np.geomspace(*RUN_CONSTANT_RANGE, SPREAD_STEPS)))
 
@@ -344,8 +345,9 @@ def likeliest_spreads(contrasts: Contrasts) -> Array:
         if best - left[needless] >= max(least, LEAST_SHARE_OF_CONSTANTS * best):
             break
         (best, each), free = fewer[needless], others[needless]
-    for k, kept in [(k, kept) for k in range(len(KINDS)) if k not in free for kept in free]:
-        instead, its = climbed(each, [k, *(j for j in free if j != kept)])
-        if its[k] and best - instead < AS_WELL_TOLD:
-            each[k] = max(each[k], its[k])
+    for k, kept in (OF_CABLE, OF_CABLE[::-1]):
+        if kept in free and k not in free:
+            instead, its = climbed(each, [k, *(j for j in free if j != kept)])
+            if its[k] and best - instead < AS_WELL_TOLD:
+                each[k] = its[k]
     return of(each)

@@ -9,7 +9,7 @@ channel, and everything is searched anew.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TypeVar
@@ -28,11 +28,14 @@ from fingerlab.diagnosis.settings import (
     FOLLOWING_ROUNDS,
     HALF_LEFT,
     LAG_SHARE,
+    LEAST_FALL,
     LEAST_FALL_BEYOND,
     LEAST_IN_CONTACT,
     LEAST_READING_LAG_S,
     LEAST_SHARE,
     MODELS_BESIDE_ERRORS,
+    MOST_ANGLE_GAIN,
+    MOST_ANGLE_ZERO,
     MOST_FORCE_ZERO_N,
     MOST_READING_GAIN,
     MOST_READING_LAG_S,
@@ -121,7 +124,7 @@ def _of_joints(sensors: Sequence[str], names: Sequence[str], motion: Motion, sha
     usual = torques(joints)
     for name in names:
         change = {
-            key: _changes(values, rate_hz)[name] if key.partition("_")[0] in off else np.zeros_like(values)
+            key: _changes(values, rate_hz)[name] if _is_off(key, off, name) else np.zeros_like(values)
             for key, values in vars(joints).items()
         }
         most = max(float(np.max(np.abs(change[joint]))) for joint in off)
@@ -134,6 +137,12 @@ def _of_joints(sensors: Sequence[str], names: Sequence[str], motion: Motion, sha
             Term(Row.CABLE, name, change["pip"], "arm_pip"),
         ]
     return terms
+
+
+def _is_off(key: str, off: Set[str], name: str) -> bool:
+    """Whether a number of a joint's reading changes an angle or rate of the motion: a zero has no rate."""
+    joint, _, rate = key.partition("_")
+    return joint in off and not (rate and name == "zero")
 
 
 SMALL_TURN = 1e-4
@@ -155,6 +164,11 @@ _EITHER_WAY = {
 _LATE = {
     "lag": _up_to(MOST_READING_LAG_S, "s", 0.0),
     "lag_square": _up_to(MOST_READING_LAG_S**2, "s^2", 0.0),
+}
+# Of a joint's angle: a sensor that was clamped askew, or a calibration of another one.
+_OF_ANGLE = _EITHER_WAY | {
+    "zero": _up_to(MOST_ANGLE_ZERO, "rad"),
+    "gain": _up_to(MOST_ANGLE_GAIN, "1"),
 }
 _COLUMNS: Mapping[str, Callable[[Sequence[str], Motion, Shape], list[Term]]] = {
     FORCE: _of_force,
@@ -180,7 +194,12 @@ class Suspect:
     @property
     def most_left(self) -> float:
         """Squared score above one up to which it is believed, if it is of the motion."""
-        return NEARLY_RIGHT if "gain" in self.names else FAR_LEFT
+        return NEARLY_RIGHT if self.channel == TORQUE and "gain" in self.names else FAR_LEFT
+
+    @property
+    def of_an_angle(self) -> bool:
+        """Whether a joint's angle is read at another scale or zero: what springs, weights, levers go with."""
+        return self.channel in (MCP, PIP) and "lag" not in self.names
 
     def effect(self, either_way: bool = False) -> Effect:
         """It as an effect of a model; of the bench, and so in no catalogue.
@@ -189,12 +208,13 @@ class Suspect:
             either_way: it may be early as well, as beside a lag that was found.
         """
         late_alone = self.channel not in (FORCE, MOTOR) and "lag" in self.names and not either_way
+        ranges = _LATE if late_alone else _OF_ANGLE if self.of_an_angle else _EITHER_WAY
         return Effect(
             id=self.id,
             title="Errors of a channel's reading",
             family="Sensors",
             acts_on=("endpoint_force", "joint_torque", "cable_kinematics"),
-            gains={name: (_LATE if late_alone else _EITHER_WAY)[name] for name in self.names},
+            gains={name: ranges[name] for name in self.names},
             columns=partial(_COLUMNS[self.channel], self.names),
             coordinate="force",
             equation=Row.PIP,
@@ -216,6 +236,9 @@ LATE_MOTION = tuple(Suspect(channel, _LATE_NAMES) for channel in (JOINTS, MCP, P
 """Seen in free motion, too, where a law of motion may pass for them: asked for where no law does enough."""
 TORQUE_SCALE = Suspect(TORQUE, ("gain",))
 """A spring or a load cell's span may pass for it: asked for when all that is missing was looked for."""
+
+ANGLE_READINGS = tuple(Suspect(channel, ("zero", "gain"), (("zero",), ("gain",))) for channel in (MCP, PIP))
+"""Springs, weights and levers go with the angles: for what they do a law may pass, or several."""
 
 
 @dataclass(frozen=True)
@@ -246,6 +269,7 @@ def find_reading_error(
     suspects = list(LATE_MOTION) if lacking else []
     longer = len(best.choices) > len(given.choices) + 1
     suspects += [TORQUE_SCALE] if ended and (lacking or longer) else []
+    suspects += ANGLE_READINGS if ended and lacks_fit(best, 2.0 * LEAST_FALL) else []
     could_be = [one for one in (best, given) if lacks_fit(one, NEARLY_RIGHT)]
     if any(one.misfit_in_contact > LEAST_IN_CONTACT * one.misfit for one in could_be):
         suspects.append(FORCE_ALONE if reduction.zero_in_the_air is None else LATE_FORCE)
@@ -266,15 +290,23 @@ def find_reading_error(
         fewer = len(one.without.choices) < len(best.choices)
         return one.suspect is TORQUE_SCALE and fewer and not lacks_fit(one.fitted, NEARLY_RIGHT)
 
+    def stands_for_a_law(one: _Tried) -> bool:
+        much = min(HALF_LEFT * best.misfit, LEAST_FALL_BEYOND * best.count)
+        fall = best.misfit - one.fitted.misfit
+        return one.suspect.of_an_angle and fall > max(LEAST_FALL * best.count, much)
+
     def stands_in_the_way(one: _Tried) -> bool:
         none_found = ended and len(best.choices) == len(given.choices)
         return lacking and none_found and one.fitted.misfit < (1.0 - LEAST_SHARE) * best.misfit
 
-    for holds in (explains_all, leaves_far_less, stands_for_others, stands_in_the_way):
+    for holds in (explains_all, leaves_far_less, stands_for_others, stands_for_a_law, stands_in_the_way):
         found = list(filter(holds, tried))
         if found:
             most = min(one.fitted.misfit + LEAST_FALL_BEYOND * one.fitted.count for one in found)
-            plainest = min(found, key=lambda one: (one.fitted.misfit > most, len(one.without.choices)))
+            plainest = min(
+                found,
+                key=lambda one: (one.fitted.misfit > most, len(one.without.choices), one.fitted.misfit),
+            )
             return _simplest(reduction, plainest)
     return None
 
@@ -298,11 +330,12 @@ def _simplest(reduction: Reduction, tried: _Tried) -> tuple[Suspect, FittedModel
     if len(found.choices) > 1:
         scorer, found = refine_grid(reduction, found)
         found = scorer.score_held_out(found)
-    for names in suspect.simpler:
-        (fewer,) = _beside(reduction, found, [replace(suspect, names=names, simpler=())])
-        if fewer.fitted.misfit - found.misfit < LEAST_FALL_BEYOND * found.count:
-            return fewer.suspect, fewer.fitted
-    return suspect, found
+    fewer = _beside(reduction, found, [replace(suspect, names=n, simpler=()) for n in suspect.simpler])
+    simplest = min(fewer, key=lambda one: one.fitted.misfit, default=None)
+    most = LEAST_FALL if suspect.of_an_angle else LEAST_FALL_BEYOND
+    if simplest is None or simplest.fitted.misfit - found.misfit >= most * found.count:
+        return suspect, found
+    return simplest.suspect, simplest.fitted
 
 
 def _beside(reduction: Reduction, model: FittedModel, suspects: Sequence[Suspect]) -> list[_Tried]:
@@ -363,7 +396,17 @@ def with_readings_corrected(
         end, complete = outcome(found)
         fewer = len(best.choices) - len(end.choices) >= (1 if complete else 2)
         explained = suspect.channel == FORCE or not lacks_fit(end, suspect.most_left)
-        if explained and ((fewer and end.misfit <= best.misfit) or is_borne_out(best, end, complete)):
+        if explained and (
+            (fewer and end.misfit <= best.misfit)
+            or is_borne_out(best, end, complete)
+            or (suspect.of_an_angle and _explains_beside(best, end))
+        ):
             return found
     reduction.go_back(before)
     return None
+
+
+def _explains_beside(best: FittedModel, end: FittedModel) -> bool:
+    """Whether a path of no more effects leaves as much less as a further effect would have to."""
+    fall = best.misfit - end.misfit
+    return len(end.choices) <= len(best.choices) and fall > LEAST_FALL_BEYOND * best.count
