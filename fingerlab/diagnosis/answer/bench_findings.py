@@ -33,7 +33,16 @@ from fingerlab.diagnosis.signals.filters import (
     Repair,
     without_spikes,
 )
-from fingerlab.diagnosis.signals.reading_errors import CHANNELS, FORCE, JOINTS, MCP, MOTOR, PIP, TORQUE
+from fingerlab.diagnosis.signals.reading_errors import (
+    CHANNELS,
+    FORCE,
+    JOINTS,
+    MCP,
+    MOTOR,
+    NO_ERROR,
+    PIP,
+    TORQUE,
+)
 from fingerlab.diagnosis.signals.scales import as_recorded
 from fingerlab.sessions.model import CHANNEL_UNITS
 
@@ -104,13 +113,15 @@ def _skew(reduction: Reduction, last: FittedModel) -> list[BenchFinding]:
     at_once = "read all channels at one instant, or correct their times"
     joints = "The joint angles come", "the motor's channels"
     drive = "The motor's torque comes", "its position"
+    # Of angles that were found late themselves the rest is told with that, or is none of a sensor's.
+    told = any(reduction.reading_errors.get(name, NO_ERROR).late for name in (JOINTS, MCP, PIP))
     # A torque's is in the model only where it explains much: however small, it is told.
     for key, channel, least, (what, than), if_early, if_late in (
         (DELAY, "mcp_angle", REPORTED_SKEW_S, joints, at_once, at_once),
         (TORQUE_LAG, "motor_torque", 0.0, drive, held, filtered),
     ):
         place = last.model.index.get(key)
-        if place is None or last.model.delayed or (key == DELAY and JOINTS in reduction.reading_errors):
+        if place is None or last.model.delayed or (key == DELAY and told):
             continue
         late, unsure = float(last.fit.values[place]), float(last.fit.deviations[place])
         if abs(late) < max(least, REPORTED_OFFSET * unsure):

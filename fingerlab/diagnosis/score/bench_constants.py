@@ -202,9 +202,8 @@ class Contrasts:
         shares = self.shares.copy()
         for joint, row in enumerate((Row.MCP, Row.PIP)):
             shares[:, row, joint] *= springs[joint]
-        return np.einsum("re,res->rs", self.pull, shares), shares.transpose(
-            0, 2, 1
-        ) @ self.information @ shares
+        pull = np.einsum("re,res->rs", self.pull, shares)
+        return pull, shares.transpose(0, 2, 1) @ self.information @ shares
 
 
 NOMINAL = np.ones(2)
