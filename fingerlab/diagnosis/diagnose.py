@@ -66,10 +66,11 @@ from fingerlab.diagnosis.score.floors import noise_below_floor
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.score.selection import lacks_fit
 from fingerlab.diagnosis.search.exchange import ExchangedModel, odds_of_rivals
+from fingerlab.diagnosis.search.first_step import Question, Stages
 from fingerlab.diagnosis.search.grid_refinement import fit_refined
 from fingerlab.diagnosis.search.next_effect import at_edges, fitted_to_the_end
 from fingerlab.diagnosis.search.reading_errors import with_readings_corrected
-from fingerlab.diagnosis.search.strategy import Found, Question, Stages, begin_search, search_effects
+from fingerlab.diagnosis.search.strategy import Found, begin_search, search_effects
 from fingerlab.diagnosis.settings import (
     FAR_LEFT,
     FULL_ITERATIONS,

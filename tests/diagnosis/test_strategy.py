@@ -8,12 +8,9 @@ from __future__ import annotations
 import pytest
 
 from fingerlab.diagnosis.score.fitted_model import FittedModel
+from fingerlab.diagnosis.search.first_step import FirstStep, RefinedPath
 from fingerlab.diagnosis.search.path import earns_its_steps, one_more_each, worth_a_further_effect
-from fingerlab.diagnosis.search.strategy import (
-    FirstStep,
-    RefinedPath,
-    worth_restarting,
-)
+from fingerlab.diagnosis.search.strategy import worth_restarting
 
 from .invented import leaving
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fingerlab.diagnosis.score.evidence import Evidence, judge
-from fingerlab.diagnosis.search.grid_refinement import ties_to_refine, with_refined_odds
+from fingerlab.diagnosis.search.ties import ties_to_refine, with_refined_odds
 
 from .invented import leaving
 

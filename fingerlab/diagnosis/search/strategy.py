@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from types import MappingProxyType
 
-from fingerlab.core.progress import SILENT, Progress, Watch
+from fingerlab.core.progress import SILENT
 from fingerlab.diagnosis.fit.data import Weights
-from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.score.calibration import Verdict
 from fingerlab.diagnosis.score.evidence import (
     Evidence,
@@ -30,69 +28,27 @@ from fingerlab.diagnosis.score.floors import scored_in_floors, weights_at_floor
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.score.selection import justified, lacks_fit
 from fingerlab.diagnosis.search.exchange import ExchangedModel, Given, extended, find_rivals, odds_of_rivals
+from fingerlab.diagnosis.search.first_step import FirstStep, Question, RefinedPath, first_step, refined_path
 from fingerlab.diagnosis.search.grid_refinement import (
-    Refined,
-    break_ties,
     can_refine,
     extend_path,
     fit_effects,
     holds,
     refine_path,
-    rescore_refined,
     with_plainer_end,
 )
 from fingerlab.diagnosis.search.joint_search import path_beside_slack, path_of_many
 from fingerlab.diagnosis.search.next_effect import judge_all, rescore
 from fingerlab.diagnosis.search.path import does_better, forward_selection, worth_a_further_effect
+from fingerlab.diagnosis.search.ties import Refined, break_ties, rescore_refined
 from fingerlab.diagnosis.settings import (
     FULL_ITERATIONS,
-    GRID_LOG_ODDS,
     JOINT_SEARCH_LEVEL,
     LONGEST_PATH,
     NEARLY_RIGHT,
     RIVAL_LOG_ODDS,
 )
 from fingerlab.effects.base import Effect
-
-
-class Stages:
-    """Spreads the progress of the stages over one bar, which never goes back.
-
-    How many rounds a search takes is not known before; a later round moves on from where the last one ended.
-    """
-
-    def __init__(self, progress: Progress | None, cancelled: Callable[[], bool] | None) -> None:
-        self._progress = progress
-        self._cancelled = cancelled
-        self._reached = 0.0
-
-    def part(self, low: float, high: float) -> Watch:
-        """What reports a stage that takes the bar from ``low`` to ``high``."""
-
-        def tell(share: float, what: str) -> None:
-            self._reached = max(self._reached, low + (high - low) * share)
-            if self._progress is not None:
-                self._progress(self._reached, what)
-
-        return Watch(tell, self._cancelled)
-
-
-NOTHING: Refined = MappingProxyType({})
-"""No effect was looked at between the points of its grid."""
-
-
-@dataclass(frozen=True)
-class Question:
-    """What is asked of the sessions: which effects there are, and which of them are ``given``.
-
-    ``alone``: the given effects without the rest of the catalogue, at the shapes found, and what fitted them.
-    """
-
-    reduction: Reduction
-    catalogue: Sequence[Effect]
-    given: Sequence[Effect]
-    stages: Stages
-    alone: tuple[Scorer, FittedModel] | None = None
 
 
 @dataclass(frozen=True)
@@ -127,65 +83,6 @@ class Found:
     def better(self) -> ExchangedModel | None:
         """The rival that the path leads to, if one is clearly better."""
         return self.rivals[0] if self.rivals and self.rivals[0].better else None
-
-
-@dataclass(frozen=True)
-class RefinedPath:
-    """A path, ``of`` effects at points of their grids, with refined shapes."""
-
-    of: FittedModel
-    scorer: Scorer
-    path: list[FittedModel]
-
-    def is_of(self, end: FittedModel) -> bool:
-        """Whether a path to ``end`` would be refined from the same points."""
-        return _points(self.of) == _points(end)
-
-
-@dataclass(frozen=True)
-class FirstStep:
-    """The path of one effect at most, and the same between the points of its grid, if it has one.
-
-    ``looked_at``: effects that were as near.
-    """
-
-    path: list[FittedModel]
-    refined: RefinedPath | None
-    looked_at: Refined = field(default_factory=dict)
-
-    @property
-    def beyond_grid(self) -> frozenset[str]:
-        """Nonlinear unknowns by which the effect goes between the points of its grid, and not on them.
-
-        Of others that may go by them, too, the grids say little.
-        """
-        if len(self.path) != 2:
-            return frozenset()  # no step was borne out by itself; one may be by those that follow
-        found, on_grid = self.end.choices[-1], self.path[-1].choices[-1]
-        return found.effect.law_at(found.shape) - on_grid.effect.law_at(on_grid.shape)
-
-    @property
-    def off_grid(self) -> frozenset[str]:
-        """Nonlinear unknowns by which the effect may go between the points of its grid alone."""
-        effect = self.path[-1].last_effect
-        on_grid = (effect.law_at(i) for i in range(len(effect.shapes)))
-        return frozenset(effect.shape_units).difference(*on_grid)
-
-    def refined_of(self, evidence: Evidence) -> Refined:
-        """The effect between the points of its grid, if its refinement began where the evidence has it."""
-        best = evidence.best
-        if self.refined is None or len(self.refined.path) != 2 or not self.refined.is_of(best):
-            return {}
-        return {best.last_effect.id: (self.refined.scorer, self.refined.path[-1])}
-
-    @property
-    def end(self) -> FittedModel:
-        """The model it leads to, as closely as it was looked at."""
-        return (self.path if self.refined is None else self.refined.path)[-1]
-
-
-def _points(fitted: FittedModel) -> list[tuple[str, int]]:
-    return [(c.effect.id, c.shape) for c in fitted.choices]
 
 
 @dataclass(frozen=True)
@@ -225,7 +122,7 @@ def begin_search(question: Question, scorer: Scorer) -> Begun:
     if question.given:  # whether it lacks fit decides whether the shapes of what is given are looked at again
         base = scorer.score_held_out(base)
     evidence = judge_all(scorer, base, scorer.reduced.layout.effects, question.stages.part(0.4, 0.7))
-    resolved, first = _first_step(question, scorer, evidence)
+    resolved, first = first_step(question, scorer, evidence)
     return Begun(scorer, evidence, resolved, first)
 
 
@@ -365,53 +262,6 @@ def _rivals(
     return [first, *rivals[1:]]
 
 
-def _first_step(question: Question, scorer: Scorer, evidence: Evidence) -> tuple[Evidence, FirstStep]:
-    """The best effect, looked at between the points of its grid before others are tried beside it.
-
-    What only its shape lacks, no other effect is asked for. Where it leaves much, those that the grid does
-    not tell from it are looked at as closely: the best may be one whose grid is coarser. The evidence is that
-    of what was looked at.
-    """
-    watch = question.stages.part(0.7, 0.72)
-    effects = scorer.reduced.layout.effects
-    path = forward_selection(scorer, evidence, effects, len(question.given), watch, most=1)
-    if len(path) != 2:
-        return evidence, FirstStep(path, None)
-    first = _refined_first(question, path)
-    if not worth_a_further_effect(first.end):
-        return evidence, first
-    watch = question.stages.part(0.75, 0.77)
-    weights, also = path[-1].weights, first.off_grid
-    known = first.refined_of(evidence)
-    resolved, found = break_ties(
-        question.reduction, scorer, evidence, weights, watch, GRID_LOG_ODDS, also, known
-    )
-    if resolved.best is not evidence.best:
-        first = _refined_first(question, [resolved.base, resolved.best], found)
-    return resolved, replace(first, looked_at=found)
-
-
-def _refined_first(question: Question, path: list[FittedModel], looked_at: Refined = NOTHING) -> FirstStep:
-    """The path of one effect, and the same with its shape refined, if it has one."""
-    if not can_refine(path[-1].choices):
-        return FirstStep(path, None)
-    watch = question.stages.part(0.72, 0.75)
-    return FirstStep(path, _refined_path(question.reduction, path, looked_at, watch))
-
-
-def _refined_path(
-    reduction: Reduction, path: list[FittedModel], looked_at: Refined, watch: Watch
-) -> RefinedPath:
-    """The path with refined shapes: of one effect that was looked at, as it was found."""
-    name = path[-1].last_effect.id
-    if len(path) != 2 or name not in looked_at:
-        return RefinedPath(path[-1], *refine_path(reduction, path, watch))
-    scorer, found = looked_at[name]
-    last = scorer.fit_reweighted(found.choices, found)
-    base = scorer.fit(found.choices[:-1], last, FULL_ITERATIONS)
-    return RefinedPath(path[-1], scorer, [scorer.score_held_out(one) for one in (base, last)])
-
-
 def _many(
     question: Question,
     scorer: Scorer,
@@ -491,7 +341,7 @@ def _refined(
         return None, path
     reduction, stages = question.reduction, question.stages
     if first is None or not first.is_of(path[-1]):
-        first = _refined_path(reduction, path, looked_at, stages.part(0.9, 0.93))
+        first = refined_path(reduction, path, looked_at, stages.part(0.9, 0.93))
     scorer, path = first.scorer, first.path
     while lacks_fit(path[-1]) and len(path) <= LONGEST_PATH:
         longer = extend_path(reduction, question.catalogue, path, stages.part(0.93, 0.97))

@@ -1,0 +1,192 @@
+"""Effects that are alike on their grids, told apart by what they leave between the points.
+
+On its grid a true law may leave as much as a wrong one that happens to lie on a better point. So effects that
+a search could not tell apart are each looked at again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from types import MappingProxyType
+
+import numpy as np
+
+from fingerlab.core.progress import Watch
+from fingerlab.diagnosis.equations.model import Choice
+from fingerlab.diagnosis.fit.data import Weights
+from fingerlab.diagnosis.gram.reduction import Reduction
+from fingerlab.diagnosis.score.evidence import Evidence, alike, shares_of
+from fingerlab.diagnosis.score.fitted_model import FittedModel, at_found_shapes
+from fingerlab.diagnosis.score.scorer import Scorer
+from fingerlab.diagnosis.score.selection import log_odds_among, misfit_of_log_odds
+from fingerlab.diagnosis.search.grid_refinement import can_refine, holds, refine_grid, refine_last
+from fingerlab.diagnosis.settings import (
+    FAR_LOG_ODDS,
+    FULL_ITERATIONS,
+    LOOKING_ITERATIONS,
+    MOST_RIVALS,
+    NEAR_SHARE,
+    NEARLY_RIGHT,
+    SET_LOG_ODDS,
+)
+from fingerlab.effects.base import Effect
+
+Refined = Mapping[str, tuple[Scorer, FittedModel]]
+"""Effects as they are between the points of their grids, by id: the model, and what scored it."""
+NOTHING: Refined = MappingProxyType({})
+"""No effect was looked at between the points of its grid."""
+
+
+def break_ties(
+    reduction: Reduction,
+    scorer: Scorer,
+    evidence: Evidence,
+    weights: Weights,
+    watch: Watch,
+    least: float = -SET_LOG_ODDS,
+    also: frozenset[str] = frozenset(),
+    known: Refined = NOTHING,
+) -> tuple[Evidence, Refined]:
+    """The evidence with the odds of effects that are alike on their grids as refined shapes give them.
+
+    Args:
+        weights: from which effects without other shapes are reweighted. least: log odds of what is alike.
+        also: nonlinear unknowns; effects that may go by one of them are looked at in any case.
+        known: what was refined already, from the same points.
+
+    Returns:
+        The evidence, and what was looked at.
+
+    Raises:
+        Cancelled: the user asked for it.
+    """
+    tied = ties_to_refine(evidence, least, also)
+    if not tied:
+        return evidence, {}
+    refined: list[tuple[Scorer, FittedModel]] = []
+    for candidate in (evidence.candidates[i] for i in tied):
+        if candidate.last_effect.id in known:
+            one = known[candidate.last_effect.id]
+        elif can_refine(candidate.choices):
+            far = _far_from(reduction, scorer, candidate, refined[0][1], watch) if refined else None
+            one = far or refine_grid(reduction, candidate, watch)
+        else:
+            one = scorer, scorer.fit_reweighted(candidate.choices, candidate, weights)
+            weights = one[1].weights
+        refined.append(one if refined else (one[0], one[0].score_held_out(one[1])))
+    laws = (evidence.candidates[i].last_effect for i in tied)
+    refined = [
+        _no_worse_than_held(reduction, law, one, refined, watch)
+        for law, one in zip(laws, refined, strict=True)
+    ]
+    # All are scored in the floors of the likeliest.
+    floors = min((by.deviance(fitted), k) for k, (by, fitted) in enumerate(refined))[1]
+    under = refined[floors][1].weights
+    scored = [
+        by.score_held_out(by.fit(fitted.choices, fitted, FULL_ITERATIONS, under)) for by, fitted in refined
+    ]
+    found = {one.last_effect.id: (by, one) for (by, _), one in zip(refined, scored, strict=True)}
+    return with_refined_odds(evidence, tied, scored), found
+
+
+def _no_worse_than_held(
+    reduction: Reduction,
+    law: Effect,
+    refined: tuple[Scorer, FittedModel],
+    others: Sequence[tuple[Scorer, FittedModel]],
+    watch: Watch,
+) -> tuple[Scorer, FittedModel]:
+    """A law at its refined shape; where it leaves more than one that it holds, from the shape of that on.
+
+    With its further gains at zero it leaves as much: the shapes around the best point of its own grid, on
+    which it is the ``law``, do not always lead there.
+    """
+    best = refined
+    for by, held in others:
+        if not holds(law, held.last_effect) or by.deviance(held) >= best[0].deviance(best[1]):
+            continue
+        choice = held.choices[-1]
+        own = law.shape_units.keys() - choice.effect.shape_units.keys()
+        each = [{name: shape[name] for name in own & shape.keys()} for shape in law.shapes]
+        numbers = [one for place, one in enumerate(each) if one not in each[:place]]
+        found = choice.effect.shapes[choice.shape]
+        last = replace(law, shapes=tuple({**found, **one} for one in numbers))
+        effects = [*at_found_shapes(held)[:-1], last]
+        scorer = Scorer(reduction.refined(effects, watch))
+        tried = [
+            scorer.fit([Choice(e, i if e is last else 0) for e in effects], held, LOOKING_ITERATIONS)
+            for i in range(len(last.shapes))
+        ]
+        again = refine_grid(reduction, min(tried, key=lambda one: one.fit.cost), watch)
+        best = min(best, again, key=lambda one: one[0].deviance(one[1]))
+    return best
+
+
+def _far_from(
+    reduction: Reduction,
+    scorer: Scorer,
+    candidate: FittedModel,
+    best: FittedModel,
+    watch: Watch,
+) -> tuple[Scorer, FittedModel] | None:
+    """The effect at its best shape under the weights of the likeliest one; None: it comes near that, or may.
+
+    The more the likeliest leaves, the further off is another law that may still come to lead.
+
+    Args:
+        best: the likeliest on their grids, refined and held out.
+    """
+    if holds(candidate.last_effect, best.last_effect):
+        return None
+    under = scorer.fit(candidate.choices, candidate, LOOKING_ITERATIONS, best.weights)
+    by, found = refine_last(reduction, under, watch)
+    found = by.score_held_out(found)
+    least = max(best.misfit, 0.0) / max(best.count, 1.0)
+    near = best.count * misfit_of_log_odds(FAR_LOG_ODDS, least)
+    return (by, found) if found.misfit > near else None
+
+
+def rescore_refined(found: Refined, weights: Weights) -> Refined:
+    """The effects between the points of their grids, fitted and held out under these weights."""
+    return {
+        name: (by, by.score_held_out(by.fit(one.choices, one, FULL_ITERATIONS, weights)))
+        for name, (by, one) in found.items()
+    }
+
+
+def ties_to_refine(
+    evidence: Evidence, least: float = -SET_LOG_ODDS, also: frozenset[str] = frozenset()
+) -> list[int]:
+    """Indices of the likeliest candidates that are alike; none where refined shapes cannot tell them apart.
+
+    So where one is alone, or where no shape of any is left to look at. Beside those that are as likely on
+    their grids stand those that explain nearly as much as the best, whose grid may be coarser. Where the best
+    leaves much, a law that holds the gains of one of them and more is looked at, too: on a grid as coarse as
+    its own it may leave more than the plain one.
+    """
+    tied = alike(evidence, least)[:MOST_RIVALS]
+    candidates = evidence.candidates
+    others = {i for i, one in enumerate(candidates) if also & one.last_effect.shape_units.keys()}
+    if evidence.least_left > NEARLY_RIGHT:
+        laws = [candidates[i].last_effect for i in tied]
+        others |= {i for i, one in enumerate(candidates) if any(holds(one.last_effect, law) for law in laws)}
+    others.update(_near_the_best(evidence))
+    tied += sorted(others.difference(tied))
+    return [] if len(tied) < 2 or not any(can_refine(candidates[i].choices) for i in tied) else tied
+
+
+def _near_the_best(evidence: Evidence) -> list[int]:
+    """Indices of candidates that explain nearly as much as the best, with shapes that are left to look at."""
+    left = np.array([one.misfit for one in evidence.candidates])
+    most = left.min() + NEAR_SHARE * (max(evidence.base.misfit, 0.0) - left.min())
+    near = [int(i) for i in np.argsort(left) if left[i] <= most]
+    return [i for i in near[:MOST_RIVALS] if can_refine(evidence.candidates[i].choices)]
+
+
+def with_refined_odds(evidence: Evidence, tied: Sequence[int], refined: Sequence[FittedModel]) -> Evidence:
+    """The evidence with the odds of the ``tied`` candidates by what they leave at their refined shapes."""
+    log_odds = evidence.log_odds.copy()
+    log_odds[tied] = log_odds_among(evidence.base, refined)
+    found = float(evidence.probabilities.sum())
+    return replace(evidence, log_odds=log_odds, probabilities=found * shares_of(log_odds))
