@@ -15,7 +15,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import minimize
 
 from fingerlab.diagnosis.equations.features import FORCE, Layout
 from fingerlab.diagnosis.equations.model import Choice, Model
@@ -190,6 +189,8 @@ class Contrasts:
 
     def with_free_springs(self, spreads: Array) -> float:
         """The same with the stiffness of the springs as likely as may be: a zero acts through its spring."""
+
+        from scipy.optimize import minimize  # by those alone whose zeros move: it takes a while to load
 
         def cost(springs: Array) -> float:
             far = (springs - 1.0) / SPRING_SPREAD

@@ -19,9 +19,10 @@ from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.score.evidence import Evidence, alike, shares_of
 from fingerlab.diagnosis.score.fitted_model import FittedModel, at_found_shapes
 from fingerlab.diagnosis.score.scorer import Scorer
-from fingerlab.diagnosis.score.selection import log_odds_among, misfit_of_log_odds
+from fingerlab.diagnosis.score.selection import lacks_fit, log_odds_among, misfit_of_log_odds
 from fingerlab.diagnosis.search.grid_refinement import can_refine, holds, refine_grid, refine_last
 from fingerlab.diagnosis.settings import (
+    FAR_LEFT,
     FAR_LOG_ODDS,
     FULL_ITERATIONS,
     LOOKING_ITERATIONS,
@@ -100,7 +101,8 @@ def _no_worse_than_held(
     """A law at its refined shape; where it leaves more than one that it holds, from the shape of that on.
 
     With its further gains at zero it leaves as much: the shapes around the best point of its own grid, on
-    which it is the ``law``, do not always lead there.
+    which it is the ``law``, do not always lead there. Only if it is nearly right: of laws that leave far more
+    none is the first of a path for being a little better than what it holds.
     """
     best = refined
     for by, held in others:
@@ -118,8 +120,9 @@ def _no_worse_than_held(
             scorer.fit([Choice(e, i if e is last else 0) for e in effects], held, LOOKING_ITERATIONS)
             for i in range(len(last.shapes))
         ]
-        again = refine_grid(reduction, min(tried, key=lambda one: one.fit.cost), watch)
-        best = min(best, again, key=lambda one: one[0].deviance(one[1]))
+        finer, again = refine_grid(reduction, min(tried, key=lambda one: one.fit.cost), watch)
+        if not lacks_fit(finer.score_held_out(again), FAR_LEFT):
+            best = min(best, (finer, again), key=lambda one: one[0].deviance(one[1]))
     return best
 
 
