@@ -184,14 +184,15 @@ def _angle_zero(name: str, zero: float) -> BenchFinding:
     )
 
 
+_CALIBRATED = "the cable's way and the force's levers", "calibrate it anew, at two angles or more"
 _SCALED = {
     TORQUE: (
         "motor's torque",
         "springs, weights and the load cell",
         "check the amplifier's monitor, and the gear ratio and torque constant in the rig file",
     ),
-    MCP: ("MCP angle", "the cable's way and the force's levers", "calibrate it anew, at two angles or more"),
-    PIP: ("PIP angle", "the cable's way and the force's levers", "calibrate it anew, at two angles or more"),
+    MCP: ("MCP angle", *_CALIBRATED),
+    PIP: ("PIP angle", *_CALIBRATED),
 }
 """What is read at another scale, by what that is told, and what to do."""
 

@@ -189,7 +189,6 @@ class Contrasts:
 
     def with_free_springs(self, spreads: Array) -> float:
         """The same with the stiffness of the springs as likely as may be: a zero acts through its spring."""
-
         from scipy.optimize import minimize  # by those alone whose zeros move: it takes a while to load
 
         def cost(springs: Array) -> float:

@@ -63,7 +63,8 @@ def find_reading_error(
 
     None: with it none of the models leaves far less than the first one does without, or that leaves little;
     nor does it explain nearly all that the last one leaves, and more than the first one does. Where no effect
-    is borne out, an error that explains a share may stand in the way of all of them. A simpler error that
+    is borne out, an error that explains a share may stand in the way of all of them. Zero and scale of a
+    joint's angle count from less on, for a law may pass for them where little is left. A simpler error that
     leaves about as much is taken for it.
 
     Args:
@@ -136,10 +137,12 @@ def _simplest(reduction: Reduction, tried: _Tried) -> tuple[Suspect, FittedModel
     if len(found.choices) > 1:
         scorer, found = refine_grid(reduction, found)
         found = scorer.score_held_out(found)
+    if not suspect.simpler:
+        return suspect, found
     fewer = _beside(reduction, found, [replace(suspect, names=n, simpler=()) for n in suspect.simpler])
-    simplest = min(fewer, key=lambda one: one.fitted.misfit, default=None)
+    simplest = min(fewer, key=lambda one: one.fitted.misfit)
     most = LEAST_FALL if suspect.of_an_angle else LEAST_FALL_BEYOND
-    if simplest is None or simplest.fitted.misfit - found.misfit >= most * found.count:
+    if simplest.fitted.misfit - found.misfit >= most * found.count:
         return suspect, found
     return simplest.suspect, simplest.fitted
 
@@ -185,7 +188,8 @@ def with_readings_corrected(
     """The work done again with an error taken off a channel's reading; None: none is borne out.
 
     It is where far less is left, or no more with an effect less and nothing else missing, or with two less;
-    of the motion's channels, which other laws may look like, only where little is left.
+    of a joint's angle also where as much less is left as a further effect would have to leave. Of channels of
+    the motion, which other laws may look like, only where little is left.
 
     Args:
         models: that it came to, the best first, the one as given last.
