@@ -4,10 +4,11 @@
 2. The nominal model's torque for that pose (``practice``): the first run under torque.
 3. Each model's torque along the motion that was measured in 2, once more as practice: from now on its torque
    is found along its own motion, less the constant by which it pressed too hard.
-4. The same a few times more: a tip that slides may do so at another moment under another torque, so that
-   the next torque need not be the better one. Each model keeps the mean of those that missed least, which
-   also tell what is left of the constant, and how far the found torque is to be gone, as far as it misses
-   less than the nominal one.
+4. The same a few times more, as a fixed-point iteration with Aitken's relaxation: under a torque that is
+   learned along one motion a soft cable makes another, and the torque that is learned along that goes back.
+   A tip that slides may do so at another moment, too, so that the next torque need not be the better one.
+   Each model keeps the mean of those that missed least, which also tell what is left of the constant, and
+   how far the found torque is to be gone, as far as it misses less than the nominal one.
 5. The runs that count: with two models in pairs, the order within each pair drawn by a seed.
 
 What is worked out between runs is worked out with the amplifier off. It ends on the first doubt: a torque
@@ -39,6 +40,7 @@ from fingerlab.prediction.feed_forward import (
     FOUND,
     NOMINAL,
     Feed,
+    aitken_factor,
     best_share,
     between,
     first_plan,
@@ -48,6 +50,7 @@ from fingerlab.prediction.feed_forward import (
     own_error,
     predicted_mean,
     refuse_far,
+    shifted_plan,
 )
 from fingerlab.prediction.inverse import LEAD_S, TorquePlan, needed_torque
 from fingerlab.prediction.target import ContactPose, WantedForce, pose_of_run, wanted_force
@@ -139,12 +142,13 @@ class Practice:
 
     Attributes:
         along: the run along whose motion its torque was found. trim: N, with which it was.
-        error: force error, N, (n,).
+        error: force error, N, (n,). plan: that was sent.
     """
 
     along: Run
     trim: float
     error: Array
+    plan: TorquePlan
 
     @property
     def missed(self) -> float:
@@ -182,6 +186,7 @@ class ForceTrial:
     _motions: dict[str, Run] = field(default_factory=dict)
     _practised: dict[str, list[Practice]] = field(default_factory=dict)
     _trims: dict[str, float] = field(default_factory=dict)
+    _changes: dict[str, tuple[float, Array]] = field(default_factory=dict)
     _share: float = 1.0
 
     def __post_init__(self) -> None:
@@ -314,7 +319,7 @@ class ForceTrial:
             pressed = float(force_error(run, self.wanted).measured.mean())
             self._trims[name] = self._bound(predicted - pressed)
             self._motions[name] = run
-            self._plans[name] = self._learn(name, run)
+            self._plans[name] = self._relaxed(name, self._plans[name], self._learn(name, run))
             self._judge(name, self._plans[name], run)
 
         return learn
@@ -338,12 +343,22 @@ class ForceTrial:
         """The mean torque of a model's best practices, trimmed by what each still missed."""
         plans, trims = [], []
         for practice in best_practices(self._practised[name]):
-            self._trims[name] = self._bound(practice.trim - float(practice.error.mean()))
             self._motions[name] = practice.along
-            plans.append(self._learn(name, practice.along))
+            self._trims[name] = practice.trim
+            before = self._learn(name, practice.along)
+            self._trims[name] = self._bound(practice.trim - float(practice.error.mean()))
+            after = self._learn(name, practice.along)
+            plans.append(shifted_plan(practice.plan, after.torque - before.torque, self.rig))
             trims.append(self._trims[name])
         self._trims[name] = float(np.mean(trims))
         return self._kept(mean_plan(plans, self.rig))
+
+    def _relaxed(self, name: str, sent: TorquePlan, learned: TorquePlan) -> TorquePlan:
+        """The next torque of a model's practice: on the way from the one that was sent to what it taught."""
+        change = learned.torque - sent.torque
+        factor = aitken_factor(self._changes.get(name), change)
+        self._changes[name] = factor, change
+        return self._kept(between(sent, learned, factor, self.rig))
 
     def _best_error(self, name: str) -> Array:
         """Force error that a model's best practices have in common, N, (n,)."""
@@ -401,7 +416,7 @@ class ForceTrial:
     def _doubt(self, name: str, run: Run) -> None:
         """Keep a practice; raises UserError where the found model's was far worse than the nominal one's."""
         error = force_error(run, self.wanted).error
-        practice = Practice(self._motions[name], self._trims.get(name, 0.0), error)
+        practice = Practice(self._motions[name], self._trims.get(name, 0.0), error, self._plans[name])
         self._practised.setdefault(name, []).append(practice)
         nominal, found = max(one.missed for one in self._practised[NOMINAL]), practice.missed
         if name == FOUND and found > WORSE * np.fmax(nominal, own_error(self.model)):
