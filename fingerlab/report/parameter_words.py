@@ -43,7 +43,7 @@ TITLES = {
     "mcp_stiffness": ("MCP stiffness, off by", "%"),
     "pip_stiffness": ("PIP stiffness, off by", "%"),
     "rotor_inertia": ("Motor inertia, off by", "kg m^2"),
-    "torque_gain": ("Torque constant, off by", "%"),
+    "torque_gain": ("Motor torque, reads too high by", "%"),
     "force_gain": ("Load cell's gain, off by", "%"),
     "load_gain": ("Known load, off by", "%"),
     "trace_mcp": ("Trace of viscous friction at the MCP", "N m s/rad"),

@@ -71,12 +71,14 @@ class ScoreRow:
     """The runs of one motion: what each equation adds, in the columns' order (empty: it says nothing there).
 
     ``samples``: their share of all samples. ``aside``: what was left aside of them, with its share.
+    ``values``: numbers of the cells; an equation may miss less than its floor.
     """
 
     runs: tuple[str, ...]
     title: str
     samples: str
     cells: tuple[str, ...]
+    values: tuple[float, ...]
     together: str
     aside: str
 
@@ -107,8 +109,11 @@ def score_table(diagnosis: Diagnosis) -> ScoreTable | None:
     unit = 10.0**-decimals
     steps = list(zip(parts, apportioned([part.squared for part in parts], unit), strict=True))
 
+    def sum_of(chosen: Sequence[tuple[ScorePart, int]]) -> float:
+        return sum(count for _, count in chosen) * unit
+
     def sum_text(chosen: Sequence[tuple[ScorePart, int]]) -> str:
-        return fixed(sum(count for _, count in chosen) * unit, decimals)
+        return fixed(sum_of(chosen), decimals)
 
     rows = []
     for (runs, phase, cable), group in groupby(steps, lambda step: _motion(step[0])):
@@ -121,6 +126,7 @@ def score_table(diagnosis: Diagnosis) -> ScoreTable | None:
                 f"{runs_words(runs)}, {', '.join(how)}",
                 percent(mine[0][0].samples, counted=True),
                 tuple(sum_text(cell) if cell else "" for cell in cells.values()),
+                tuple(map(sum_of, cells.values())),
                 sum_text(mine),
                 _aside_words(
                     [one for one in diagnosis.excluded_by_motion if _motion(one) == (runs, phase, cable)]
@@ -169,11 +175,15 @@ def score_sentence(diagnosis: Diagnosis) -> str:
     if not named or len(parts) == 1:
         return ""
     rest = sum(part.squared for part in parts) - sum(part.squared for part in named)
-    said = ", ".join(f"{score_text(part.squared)} for {_part(part)}" for part in named)
-    whole = (
-        f"The square of this error, {score_text(diagnosis.score**2)}, is the sum of 1 for the floor, {said}"
-    )
-    return f"{whole}, and {score_text(rest)} for all other runs and equations."
+    # All to the same decimals, and so that the sentence adds up.
+    decimals = 0 if diagnosis.score**2 >= 100 else 1 if diagnosis.score**2 >= 10 else 2
+    unit = 10.0**-decimals
+    steps = apportioned([*(part.squared for part in named), rest], unit)
+    *each, others = (fixed(count * unit, decimals) for count in steps)
+    said = ", ".join(f"{text} for {_part(part)}" for text, part in zip(each, named, strict=True))
+    square = fixed(1.0 + sum(steps) * unit, decimals)
+    whole = f"The square of this error, {square}, is the sum of 1 for the floor, {said}"
+    return f"{whole}, and {others} for all other runs and equations."
 
 
 def _part(part: ScorePart) -> str:

@@ -198,7 +198,7 @@ class ScorePartsDialog(QDialog):
         rows += [("All runs", "", *scores.sums, scores.together, "")]
         rows += [(FLOOR_ROW, *blank, scores.floor, ""), (SQUARED_ROW, *blank, scores.squared, "")]
         self.table.setRowCount(len(rows))
-        largest = max((_number(cell) for row in scores.rows for cell in row.cells), default=0.0)
+        largest = max((value for row in scores.rows for value in row.values), default=0.0)
         colour = colours_of(self).residual
         for place, row in enumerate(rows):
             for column, text in enumerate(row):
@@ -206,8 +206,9 @@ class ScorePartsDialog(QDialog):
                 words = column in (0, len(row) - 1)
                 item.setTextAlignment(LEFT if words else RIGHT)
                 part = place < len(scores.rows) and 2 <= column < 2 + len(scores.equations)
-                if part and largest > 0 and _number(text) > 0:
-                    item.setBackground(tint(colour, STRONGEST * _number(text) / largest))
+                value = scores.rows[place].values[column - 2] if part else 0.0
+                if value > 0.0:
+                    item.setBackground(tint(colour, STRONGEST * value / largest))
                 if place >= len(scores.rows):
                     font = item.font()
                     font.setBold(True)
@@ -226,14 +227,10 @@ class ScorePartsDialog(QDialog):
         if scores is None or row >= len(scores.rows):
             return
         equations = scores.equations
-        parts = [_number(cell) for cell in scores.rows[row].cells]
+        parts = scores.rows[row].values
         own = 2 <= column < 2 + len(equations)
         place = column - 2 if own else max(range(len(parts)), key=parts.__getitem__)
         self.part_chosen.emit(equations[place], scores.rows[row].runs[0])
-
-
-def _number(text: str) -> float:
-    return float(text) if text else 0.0
 
 
 WIDTH, HEIGHT = 900, 680

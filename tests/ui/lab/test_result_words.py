@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import math
+import re
 from dataclasses import replace
+
+import pytest
 
 from fingerlab.core.text import NO_BREAK
 from fingerlab.diagnosis.answer.error_parts import ScorePart
@@ -41,6 +45,21 @@ def test_the_parts_of_the_error_add_up_and_one_alone_is_not_told() -> None:
         "The square of this error, 9.00, is the sum of 1 for the floor, 4.00 for PIP torque in run"
     )
     assert score_sentence(replace(found, score_parts=parts[:1])) == ""
+
+
+def test_the_sentence_adds_up_digit_by_digit() -> None:
+    """53.66 leaves remainders that rounded one by one sum to 53.7 beside a square of 53.6."""
+    squares = (13.94, 9.62, 6.34, 22.76)
+    parts = tuple(
+        ScorePart((f"{run:03}",), "on_air", "extension", "pip_torque", 0.2, 0.0, squared)
+        for run, squared in enumerate(squares, start=1)
+    )
+    found = replace(
+        invented.nominal_diagnosis("s.h5"), score=math.sqrt(1.0 + sum(squares)), score_parts=parts
+    )
+    whole, *each = map(float, re.findall(r"\d+\.\d+", score_sentence(found)))
+    assert whole == pytest.approx(1.0 + sum(each), abs=1e-9)
+    assert whole == pytest.approx(53.7, abs=0.11)
 
 
 def test_a_motor_alone_is_not_drawn_over_the_tension_of_a_cable() -> None:
