@@ -41,6 +41,7 @@ from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.gram.run_constants import residual_offsets
 from fingerlab.diagnosis.score.bench_constants import (
     is_borne_out,
+    lag_beside,
     likeliest_constants,
     settle_constants,
     zero_is_confounded,
@@ -75,6 +76,7 @@ from fingerlab.diagnosis.settings import (
     FAR_LEFT,
     FULL_ITERATIONS,
     HALF_LEFT,
+    MODELS_BESIDE_ERRORS,
     MOST_CORRECTIONS,
     NEARLY_RIGHT,
     REPLACING_SHARE,
@@ -194,6 +196,8 @@ def _searched(
     found = search_effects(question, begun)
     if lacks_fit(found.path[-1], NEARLY_RIGHT):
         found = searched_again(question, scorer, found)
+    if (other := searched_with_lag(reduction, found, again)) is not None:
+        return other
     if may_correct and (other := corrected(found.models)):
         return other
     return question, found, display
@@ -261,6 +265,27 @@ def searched_again(question: Question, scorer: Scorer, found: Found) -> Found:
         return other
     reduction.constants = before
     return found
+
+
+def searched_with_lag(reduction: Reduction, found: Found, again: Callable[[], _Searched]) -> _Searched | None:
+    """The search with a lag of the torque of a motor alone, by what the nearest models leave; None: none helps.
+
+    Where the bare model left far more than a lag, it was not looked for, or not believed. Now it has to leave
+    half of what the path does, or less, from the models to the end.
+    """
+    last = found.path[-1]
+    if not reduction.on_bench or reduction.late_torque or not lacks_fit(last, NEARLY_RIGHT):
+        return None
+    near = sorted([*found.models, *found.evidence.candidates], key=lambda one: one.misfit)
+    beside = lag_beside(reduction, near[:MODELS_BESIDE_ERRORS])
+    if beside is None or not beside.misfit < HALF_LEFT * last.misfit:
+        return None
+    before, reduction.late_torque = reduction.known_of_bench, True
+    other = again()
+    if is_borne_out(last, *_outcome(other)):
+        return other
+    reduction.go_back(before)
+    return None
 
 
 def searched_below_floor(question: Question, found: Found) -> Found:

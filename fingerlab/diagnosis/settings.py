@@ -60,8 +60,9 @@ where fewer do."""
 USUAL_LAG_S, USUAL_LAG_SAMPLES = 0.002, 2.0
 """A motor's torque is logged later than its position by about so much, or so many samples: its current is
 filtered, a bus hands either on; assumed. Up to ten times as much is looked for."""
-EARLY_SAMPLES = 1.5
-"""... or earlier by up to so many samples: half of one as a drive holds it, and one of its calculation."""
+EARLY_LAGS = 3.0
+"""... or earlier by up to so many times as much: a drive holds it for half a sample and calculates for one, and a
+position that is filtered comes later still; assumed."""
 LAG_AT_EDGE = 0.99
 """Share of the latest lag from which on one is no lag: something else makes the torque late; assumed."""
 LAG_SHARE = 0.9
@@ -129,6 +130,9 @@ LEAST_JUMPS = 20
 
 CLEARLY_HELPING = 0.4
 """Correlation of torque with speed beyond which a bench's torque is read as a reaction; assumed."""
+LEAST_RUBBING = 0.3
+"""What helps or opposes the motion tells the torque's sense from this share of its scatter on; less is what a
+torque that leads by 5 ms, of a machine without friction, does at 10 Hz."""
 NO_TORQUE = 1e-9
 """A torque that changes by less is a constant, N m: rounding."""
 MOVED_DEG = 3.0

@@ -64,6 +64,7 @@ class Motion:
         0,
     )  # number of that change among those of the sessions (0: none), and theirs
     repairs: Mapping[tuple[str, str], int] = field(default_factory=dict)  # samples, by how and channel
+    drive_sign: int = 0  # of a motor alone: -1 where its torque, as it was logged, clearly helps the motion
     repaired_at: Array = field(default_factory=lambda: np.zeros(0))  # s, where spikes were, in any channel
     _memory: dict[object, Array] = field(default_factory=dict, repr=False, compare=False)
 

@@ -108,7 +108,9 @@ def _turned(reduction: Reduction) -> list[BenchFinding]:
 def _skew(reduction: Reduction, last: FittedModel) -> list[BenchFinding]:
     """Joint angles, or the torque of a motor alone, that were read later than the motor's position."""
     found, seconds = [], reduction.scales.of("s")
-    held = "that is how a drive that holds it until the next reading logs it; correct its times"
+    held = (
+        "a drive that holds it until the next reading logs it so, or a filtered position; correct its times"
+    )
     filtered = "log the current before it is filtered, or correct its times"
     at_once = "read all channels at one instant, or correct their times"
     joints = "The joint angles come", "the motor's channels"

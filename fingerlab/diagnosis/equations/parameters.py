@@ -21,7 +21,7 @@ from fingerlab.diagnosis.settings import (
     ARM_RATIO_SPREADS,
     COASTING_S,
     CURRENT_ZERO_A,
-    EARLY_SAMPLES,
+    EARLY_LAGS,
     EXACT,
     MOST_CHANGES,
     ROTOR_SPREAD,
@@ -93,7 +93,7 @@ def nuisance_ranges(rig: Rig, rate: float = math.inf) -> dict[str, Parameter]:
     """
     lag = max(USUAL_LAG_S, USUAL_LAG_SAMPLES / rate)
     bench = BENCH_RANGES | {
-        TORQUE_LAG: Parameter("s", -EARLY_SAMPLES / rate, 10.0 * lag, lag),
+        TORQUE_LAG: Parameter("s", -EARLY_LAGS * lag, 10.0 * lag, lag),
         # Half its square of a pure lag, more of a filter that swings.
         TORQUE_LAG_SQUARE: Parameter("s^2", 0.0, (10.0 * lag) ** 2, 5.0 * lag**2),
     }

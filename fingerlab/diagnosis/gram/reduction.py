@@ -12,6 +12,7 @@ from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from itertools import groupby
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -66,7 +67,13 @@ from fingerlab.diagnosis.signals.reading_errors import (
     zero_in_the_air,
 )
 from fingerlab.diagnosis.signals.scales import Scales, as_recorded, find_scales, reduced_sessions
-from fingerlab.diagnosis.signals.segments import ChannelSigns, check_senses, is_fragmented, segments_of
+from fingerlab.diagnosis.signals.segments import (
+    ChannelSigns,
+    check_senses,
+    is_fragmented,
+    segments_of,
+    with_drive_sign,
+)
 from fingerlab.effects.base import Effect, Shape
 from fingerlab.physics.motion import Motion, strongest_lines
 from fingerlab.rig.file import UNCHANGED, Intervention, Rig, intervention_of
@@ -109,7 +116,7 @@ class Reduction:
         self.constants: RunConstants | None = None
         self._settled_constants: RunConstants | None = None
         self.settled = False
-        self.late_torque = False
+        self.late_torque = self._settled_late = False
         self._reading_errors: ReadingErrors = {}
         self.torque_noise: TorqueNoise = ALL_NOISE
         self.fixed: Mapping[str, float] = {}
@@ -145,7 +152,18 @@ class Reduction:
     @cached_property
     def pairs(self) -> list[tuple[Session, Run]]:
         """The runs that are analysed, in reduced units, each with its session."""
-        return usable(runs_to_analyse(self.sessions)[0], lambda run: not is_fragmented(run))
+        found = usable(runs_to_analyse(self.sessions)[0], lambda run: not is_fragmented(run))
+        return self._with_drive_signs(found) if self.on_bench else found
+
+    def _with_drive_signs(self, pairs: Sequence[tuple[Session, Run]]) -> list[tuple[Session, Run]]:
+        """The runs of a motor alone, with the sense of its torque that each session tells."""
+        result = []
+        for session, each in groupby(pairs, lambda pair: pair[0]):
+            runs = [run for _, run in each]
+            looked_at = runs[:: -(-len(runs) // MOST_LOOKED_AT)]
+            motions = [next(segments_of(run, session.rig)) for run in looked_at]
+            result += [(session, run) for run in with_drive_sign(runs, motions)]
+        return result
 
     @property
     def fragmented_runs(self) -> list[str]:
@@ -157,13 +175,14 @@ class Reduction:
     def restart(self, fixed: Mapping[str, float] | None = None) -> None:
         """Begin a call that asks for nothing that another left: no constants but those of the bare model."""
         self.fixed, self.constants = dict(fixed or {}), self._settled_constants
+        self.late_torque = self._settled_late
         self.torque_noise = ALL_NOISE
         self.correct_readings({})
 
     def settle(self, constants: RunConstants | None) -> None:
         """Keep what was found under the bare model."""
         self.constants = self._settled_constants = constants
-        self.settled = True
+        self._settled_late, self.settled = self.late_torque, True
 
     def correct_readings(self, errors: ReadingErrors) -> None:
         """Take these errors off the channels' readings, and what the load cell reads in the air.

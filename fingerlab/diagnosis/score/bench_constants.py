@@ -32,7 +32,7 @@ from fingerlab.diagnosis.gram.run_constants import (
     with_constants,
 )
 from fingerlab.diagnosis.gram.sums import Group, Reduced
-from fingerlab.diagnosis.score.fitted_model import FittedModel
+from fingerlab.diagnosis.score.fitted_model import FittedModel, at_found_shapes
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.score.selection import lacks_fit
 from fingerlab.diagnosis.settings import (
@@ -103,6 +103,24 @@ def torque_is_late(reduction: Reduction, scorer: Scorer) -> bool:
     beside = Scorer(replace(reduction.refined([rubs]), late_is_no_noise=True))
     rubbing = beside.score_held_out(beside.fit_reweighted([Choice(rubs)], bare))
     return rubbing.misfit - lagging.misfit > 2.0 * DECIDING_LOG_ODDS
+
+
+def lag_beside(reduction: Reduction, models: Sequence[FittedModel]) -> FittedModel | None:
+    """The best of some models of a motor alone beside a lag of its torque, held out; None: it is at its edge.
+
+    Beside a ripple, which turns round faster than inertia or friction, half a sample counts.
+    """
+    before, reduction.late_torque = reduction.late_torque, True
+    found = []
+    for model in models:
+        effects = at_found_shapes(model)
+        scorer = Scorer(reduction.refined(effects)).with_late_torque()
+        fitted = scorer.score_held_out(scorer.fit_reweighted([Choice(e) for e in effects], model))
+        place = fitted.model.index[TORQUE_LAG]
+        if abs(fitted.fit.values[place]) < LAG_AT_EDGE * abs(fitted.model.high[place]):
+            found.append(fitted)
+    reduction.late_torque = before
+    return min(found, key=lambda one: one.misfit, default=None)
 
 
 def zero_is_confounded(runs: Sequence[Run]) -> bool:

@@ -19,6 +19,7 @@ from fingerlab.diagnosis.settings import (
     AT_ONCE_SHARE,
     AT_ONCE_STEP_S,
     CLEARLY_HELPING,
+    LEAST_RUBBING,
     LONGEST_STRETCH_S,
     MOVED_DEG,
     NARROW_RATE_HZ,
@@ -231,10 +232,11 @@ def _motion(
     behind = lead // step if is_wide_rate(rate) else math.ceil(lead / run.sample_rate_hz * wide)
     position, torque = read("motor_position"), read("motor_torque")
     joints = force = load = None
-    turned = False
+    turned, told = False, 0
     if on_bench:
         load = read("load_torque")[0] if run.has("load_torque") else np.zeros(position.shape[1])
-        turned = _drive_sign(torque[0][behind:], position[:, behind:]) < 0.0
+        told = drive_sign(torque[0][behind:], position[:, behind:])
+        turned = run.attributes.get(DRIVE_SIGN, 0) < 0 or (DRIVE_SIGN not in run.attributes and told < 0)
         torque = -torque if turned else torque
     else:
         mcp, pip = read("mcp_angle"), read("pip_angle")
@@ -261,6 +263,7 @@ def _motion(
         intervention=None if on_bench else reduced_change(run),
         change=run.attributes.get(CHANGE, (0, 0)),
         repairs={(TURNED, "motor_torque"): position.shape[1]} if turned else {},
+        drive_sign=told,
     )
 
 
@@ -284,14 +287,34 @@ def _check_numbers(run: Run, name: str, values: Array, first: int) -> None:
         )
 
 
-def _drive_sign(torque: Array, motion: Array) -> float:
-    """-1 where a bench's torque helps the motion of a passive machine, else +1.
+DRIVE_SIGN = "drive_sign"
+"""Attribute of a run of a motor alone: -1 where the torque is turned, told of the whole session."""
+
+
+def with_drive_sign(runs: Sequence[Run], motions: Sequence[Motion]) -> list[Run]:
+    """The runs of a motor alone with the sense of its torque told to each: a session has one wiring.
+
+    Unless some runs tell it clearly either way: then each has its own.
+
+    Args:
+        motions: of some of the runs.
+    """
+    clear = {motion.drive_sign for motion in motions if motion.drive_sign}
+    if len(clear) > 1:
+        return list(runs)
+    sign = clear.pop() if clear else 1
+    return [replace(run, attributes={**run.attributes, DRIVE_SIGN: sign}) for run in runs]
+
+
+def drive_sign(torque: Array, motion: Array) -> int:
+    """-1 where a bench's torque clearly helps the motion of a passive machine, 1 where it opposes it, else 0.
 
     What is left of the torque beside a constant, a spring and inertia must oppose the motion, since
     a machine that only rubs cannot give work back. Where it clearly helps instead, the recording shows the
-    reaction, and its sign is turned. Not so where inertia alone tells more than all that is left: a
-    torque that is logged half a sample before its position seems to help the motion a little, too. No inertia
-    is negative: one that tells more than is left beside friction of either kind turns the sign as well.
+    reaction, and its sign is turned. Not so where inertia alone tells more than all that is left, or where
+    what helps is a small share of the torque: one that is logged before its position seems to help, too, by
+    the sine of its lead, and on a single sine inertia and spring are not told apart. No inertia is negative:
+    one that tells more than is left beside friction of either kind turns the sign as well.
 
     Args:
         torque: N m, shape (n,). motion: position, velocity and acceleration, shape (3, n).
@@ -301,14 +324,15 @@ def _drive_sign(torque: Array, motion: Array) -> float:
     fitted = np.linalg.lstsq(base, torque, rcond=None)[0]
     rest = torque - base @ fitted
     if float(fitted[2]) * float(_beside(base[:, :2], acceleration).std()) > float(rest.std()):
-        return 1.0
+        return 1
     friction = np.stack((*base[:, :2].T, velocity, np.sign(velocity)), axis=1)
     moved, pulled = _beside(friction, acceleration), _beside(friction, torque)
     inertial = float(pulled @ moved) / max(float(moved @ moved), 1e-300) * moved
     if float(pulled @ moved) < 0.0 and float(inertial.std()) > float((pulled - inertial).std()):
-        return -1.0
+        return -1
     alike = float(rest @ velocity) / max(float(np.linalg.norm(rest) * np.linalg.norm(velocity)), 1e-300)
-    return -1.0 if alike < -CLEARLY_HELPING else 1.0
+    rubs = abs(alike) * float(rest.std()) > LEAST_RUBBING * float(torque.std())
+    return int(np.sign(alike)) if rubs and abs(alike) > CLEARLY_HELPING else 0
 
 
 def _beside(columns: Array, values: Array) -> Array:
