@@ -268,7 +268,7 @@ def searched_again(question: Question, scorer: Scorer, found: Found) -> Found:
 
 
 def searched_with_lag(reduction: Reduction, found: Found, again: Callable[[], _Searched]) -> _Searched | None:
-    """The search with a lag of the torque of a motor alone, by what the nearest models leave; None: none helps.
+    """The search with a lag of the torque of a motor alone, by what the nearest models leave; None: no help.
 
     Where the bare model left far more than a lag, it was not looked for, or not believed. Now it has to leave
     half of what the path does, or less, from the models to the end.

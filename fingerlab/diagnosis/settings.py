@@ -61,8 +61,8 @@ USUAL_LAG_S, USUAL_LAG_SAMPLES = 0.002, 2.0
 """A motor's torque is logged later than its position by about so much, or so many samples: its current is
 filtered, a bus hands either on; assumed. Up to ten times as much is looked for."""
 EARLY_LAGS = 3.0
-"""... or earlier by up to so many times as much: a drive holds it for half a sample and calculates for one, and a
-position that is filtered comes later still; assumed."""
+"""... or earlier by up to so many times as much: a drive holds it for half a sample, calculates for one, and
+a filtered position comes later still; assumed."""
 LAG_AT_EDGE = 0.99
 """Share of the latest lag from which on one is no lag: something else makes the torque late; assumed."""
 LAG_SHARE = 0.9
