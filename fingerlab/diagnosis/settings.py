@@ -616,6 +616,9 @@ LEADING_SHARE = 0.5
 recordings are likelier with them; assumed: others are seldom what is missing, and each costs a fit."""
 SAME_COST_SHARE = 1e-3
 """Effects whose costs differ by less than this share leave the same noise, and set the same weights."""
+BEYOND_TOLERANCE, LEFT_BEYOND_TOLERANCE = 10.0, 0.05
+"""A rig file's constant is told to be wrong where up to so many times its tolerance takes off this share of
+what is left: of right ones beside laws that are nearly right 0 to 3 %, of wrong ones 11 to 64 %."""
 AT_BOUND = 0.999
 """Share of a bound from which on a value stands at it."""
 MOST_WIDENED = 3
