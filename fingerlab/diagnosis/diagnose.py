@@ -69,6 +69,7 @@ from fingerlab.diagnosis.score.selection import lacks_fit
 from fingerlab.diagnosis.search.exchange import ExchangedModel, odds_of_rivals
 from fingerlab.diagnosis.search.first_step import Question, Stages
 from fingerlab.diagnosis.search.grid_refinement import fit_refined
+from fingerlab.diagnosis.search.moved_zeros import with_zeros_taken_off
 from fingerlab.diagnosis.search.next_effect import at_edges, fitted_to_the_end
 from fingerlab.diagnosis.search.reading_errors import with_readings_corrected
 from fingerlab.diagnosis.search.strategy import Found, begin_search, search_effects
@@ -197,6 +198,9 @@ def _searched(
     if lacks_fit(found.path[-1], NEARLY_RIGHT):
         found = searched_again(question, scorer, found)
     if (other := searched_with_lag(reduction, found, again)) is not None:
+        return other
+    near = [*found.models, *found.evidence.candidates]
+    if other := with_zeros_taken_off(reduction, near, again, _outcome):
         return other
     if may_correct and (other := corrected(found.models)):
         return other
@@ -390,6 +394,7 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
         constants=reduction.constants,
         torque_noise=reduction.torque_noise,
         reading_errors=reduction.reading_errors,
+        run_zeros=reduction.run_zeros,
         fitted=evidence.base,
         last=path[-1],
         bench=bench_findings(reduction, path[-1], by_last.run_offsets(path[-1])),

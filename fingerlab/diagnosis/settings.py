@@ -362,6 +362,13 @@ LEAST_IN_CONTACT = 0.25
 in free motion, but a law that is fitted to both has its misfit spread over both; assumed."""
 MODELS_BESIDE_ERRORS = 3
 """Beside so many models, the nearest, an error is looked for: what it hides is seldom further; assumed."""
+ZERO_PASSES, ZERO_ROUNDS, SETTLED_ZERO, STILL_FALLING = 4, 6, 0.1, 0.8
+"""Zeros of single runs are found beside a law so often at most, until the last change is a tenth of them
+(beside a stop several times as stiff as its spring two rounds are too few); then the law's shapes are looked
+at once more, so often at most and while a fifth less is left; assumed."""
+MODELS_BESIDE_ZEROS = 3
+"""Beside so many models, the nearest, zeros of single runs are taken off; on four benches with a stop,
+springs that harden or slack one of the first two led to the law."""
 MOST_CORRECTIONS = 2
 """So many channels are corrected in turn; assumed."""
 FOLLOWING_ROUNDS, SETTLED_LAG = 3, 0.02

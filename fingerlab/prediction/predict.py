@@ -24,6 +24,7 @@ from fingerlab.diagnosis.score.bench_constants import settle_constants
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.search.grid_refinement import fit_refined
+from fingerlab.diagnosis.search.moved_zeros import with_zeros_taken_off
 from fingerlab.diagnosis.search.reading_errors import with_readings_corrected
 from fingerlab.diagnosis.settings import FULL_ITERATIONS, NARROW_RATE_HZ
 from fingerlab.diagnosis.signals.conditions import GroupKey, folds_of_runs, group_key
@@ -352,8 +353,9 @@ def _fit(
         settle_constants(reduction, Scorer(reduction.of([], watch)))  # as for a verdict
         refined = partial(fit_refined, reduction, chosen, watch)
         scorer, whole = refined()
-        models = [scorer.score_held_out(one) for one in (whole, scorer.fit([], whole))]
-        scorer, whole = with_readings_corrected(reduction, models, refined, _outcome) or (scorer, whole)
+        for corrected in (with_zeros_taken_off, with_readings_corrected):
+            models = [scorer.score_held_out(one) for one in (whole, scorer.fit([], whole))]
+            scorer, whole = corrected(reduction, models, refined, _outcome) or (scorer, whole)
         tell(0.6, "fitting")
         nominal = scorer.fit([], scorer.fit([], whole), FULL_ITERATIONS)
         models = [_first(scorer, whole, count) for count in counts]

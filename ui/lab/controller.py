@@ -158,7 +158,7 @@ class SessionDiagnosis:
         best = [one.effect for one in sorted(diagnosis.candidates, key=lambda one: one.score)]
         watch = Watch(progress, cancelled)
         kept = self._reduction(sessions)
-        kept.resume(diagnosis.held, diagnosis.constants, diagnosis.torque_noise, diagnosis.reading_errors)
+        diagnosis.resume(kept)
         return draft_laws(kept, diagnosis.last, diagnosis.fitted, best, watch, with_curves=True)
 
     def _reduction(self, sessions: Sequence[Session]) -> Reduction:

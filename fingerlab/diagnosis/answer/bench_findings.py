@@ -300,7 +300,9 @@ def _moved(reduction: Reduction, offsets: Sequence[Offsets]) -> list[BenchFindin
     for source, channel in enumerate(SOURCES):
         unit = CHANNEL_UNITS[channel]
         scale = reduction.scales.of(unit)
-        zeros = scale * np.concatenate([one.sources[:, source] for one in offsets])
+        zeros = np.concatenate([one.sources[:, source] for one in offsets])
+        taken_off = [reduction.run_zeros.get(reduction.runs[n], {}).get(channel, NO_ERROR) for n in numbers]
+        zeros = scale * (zeros + np.array([error.zero for error in taken_off]))
         unsure = scale * np.concatenate([one.spreads[:, source] for one in offsets])
         away = np.concatenate([zeros[mine] - zeros[mine].mean() for mine in repeats])
         every = [k for mine in repeats for k in mine]

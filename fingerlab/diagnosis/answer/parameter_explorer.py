@@ -89,9 +89,7 @@ class ParameterExplorer:
         assert base is not None  # of a diagnosis that was made, not invented
         self._display, self._runs = Display(), reduction.runs
         with threadpool_limits(limits=1, user_api="blas"):
-            reduction.resume(
-                diagnosis.held, diagnosis.constants, diagnosis.torque_noise, diagnosis.reading_errors
-            )
+            diagnosis.resume(reduction)
             effects = at_found_shapes(base)
             self._scorer = Scorer(reduction.of(effects, watch, self._display.keep))
         layout = self._scorer.reduced.layout

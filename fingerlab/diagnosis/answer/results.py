@@ -20,11 +20,12 @@ from fingerlab.models.file import ParameterEstimate
 from fingerlab.sessions.model import Array
 
 if TYPE_CHECKING:
+    from fingerlab.diagnosis.gram.reduction import Reduction
     from fingerlab.diagnosis.gram.run_constants import RunConstants
     from fingerlab.diagnosis.gram.sums import FloorFrom, TorqueNoise
     from fingerlab.diagnosis.score.calibration import CalibratedAnswer, Odds, Predicted, Verdict
     from fingerlab.diagnosis.score.fitted_model import FittedModel
-    from fingerlab.diagnosis.signals.reading_errors import ReadingErrors
+    from fingerlab.diagnosis.signals.reading_errors import ReadingErrors, RunZeros
 
 
 @dataclass(frozen=True)
@@ -252,7 +253,8 @@ class Diagnosis:
     ``fitted``: the model as given, as it was fitted; ``last``: the one at the end of the path.
     ``constants``: that every run has of its own; None: none were found. ``torque_noise``: how much
     is noise of what no law of the state tells of a motor's torque; the rest follows the past, or the run.
-    ``reading_errors``: what was taken off the channels' readings, in reduced units.
+    ``reading_errors``: what was taken off the channels' readings, and ``run_zeros``: off the angles of single
+    runs; both in reduced units.
     """
 
     sessions: tuple[str, ...]
@@ -297,6 +299,12 @@ class Diagnosis:
     constants: RunConstants | None = field(default=None, repr=False, compare=False)
     torque_noise: TorqueNoise | None = field(default=None, repr=False, compare=False)
     reading_errors: ReadingErrors = field(default_factory=dict, repr=False, compare=False)
+    run_zeros: RunZeros = field(default_factory=dict, repr=False, compare=False)
+
+    def resume(self, reduction: Reduction) -> None:
+        """Let a reduction of the same sessions go on from what this answer knows of the bench."""
+        known = self.held, self.constants, self.torque_noise, self.reading_errors, self.run_zeros
+        reduction.resume(*known)
 
     def to_json(self) -> dict[str, Any]:
         """The object that ``diagnose --json`` writes, ready for ``json.dumps``."""

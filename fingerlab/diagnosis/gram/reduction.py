@@ -63,7 +63,9 @@ from fingerlab.diagnosis.signals.reading_errors import (
     NO_ERROR,
     ReadingError,
     ReadingErrors,
+    RunZeros,
     with_reading_errors,
+    with_run_zeros,
     zero_in_the_air,
 )
 from fingerlab.diagnosis.signals.scales import Scales, as_recorded, find_scales, reduced_sessions
@@ -94,6 +96,7 @@ class Reduction:
         settled: whether they were looked for under the bare model.
         late_torque: whether the torque of a motor alone was found to be logged later than its position.
         torque_noise: how much is noise of what no law of the state tells of a motor's torque.
+        run_zeros: that angles were found to have in single runs, in reduced units; taken off wherever read.
         fixed: values that somebody holds unknowns of every model at, by key, SI.
         repairs: samples that were put right, by number of the run, how and channel; samples: that it has.
     """
@@ -118,6 +121,7 @@ class Reduction:
         self.settled = False
         self.late_torque = self._settled_late = False
         self._reading_errors: ReadingErrors = {}
+        self.run_zeros: RunZeros = {}
         self.torque_noise: TorqueNoise = ALL_NOISE
         self.fixed: Mapping[str, float] = {}
         self.repairs: dict[int, Mapping[Repair, int]] = {}
@@ -132,7 +136,7 @@ class Reduction:
     @cached_property
     def sessions(self) -> tuple[Session, ...]:
         """The sessions in reduced units."""
-        return with_reading_errors(self._as_read, self.reading_errors)
+        return with_run_zeros(with_reading_errors(self._as_read, self.reading_errors), self.run_zeros)
 
     @cached_property
     def _as_read(self) -> tuple[Session, ...]:
@@ -178,6 +182,7 @@ class Reduction:
         self.late_torque = self._settled_late
         self.torque_noise = ALL_NOISE
         self.correct_readings({})
+        self.correct_runs({})
 
     def settle(self, constants: RunConstants | None) -> None:
         """Keep what was found under the bare model."""
@@ -194,20 +199,33 @@ class Reduction:
         self._reading_errors = {name: error for name, error in errors.items() if error != NO_ERROR}
         if self.reading_errors == before:
             return
+        self.constants, self._settled_constants, self.settled = None, None, False
+        self._read_anew()
+
+    def correct_runs(self, zeros: RunZeros) -> None:
+        """Take these zeros off the angles of single runs.
+
+        How far zeros move from run to run is known, and stays: what is taken off is the likeliest of each.
+        """
+        if zeros != self.run_zeros:
+            self.run_zeros = dict(zeros)
+            self._read_anew()
+
+    def _read_anew(self) -> None:
         for name in ("sessions", "pairs"):
             vars(self).pop(name, None)
-        self.constants, self._settled_constants, self.settled = None, None, False
         self._forget()
 
     @property
     def known_of_bench(self) -> KnownOfBench:
         """What was found of the bench so far."""
         found = self.constants, self._settled_constants, self.settled
-        return KnownOfBench(self.reading_errors, *found, self.late_torque)
+        return KnownOfBench(self.reading_errors, self.run_zeros, *found, self.late_torque)
 
     def go_back(self, known: KnownOfBench) -> None:
         """Take for the bench's own errors again what was before."""
         self.correct_readings(known.reading_errors)
+        self.correct_runs(known.run_zeros)
         self.constants, self._settled_constants = known.constants, known.settled_constants
         self.settled, self.late_torque = known.settled, known.late_torque
 
@@ -217,9 +235,11 @@ class Reduction:
         constants: RunConstants | None,
         torque_noise: TorqueNoise | None = None,
         reading_errors: ReadingErrors | None = None,
+        run_zeros: RunZeros | None = None,
     ) -> None:
         """Go on from an answer: what it had fixed, the constants of its runs, noise, its readings."""
         self.correct_readings(reading_errors or {})
+        self.correct_runs(run_zeros or {})
         self.fixed, self.constants, self.torque_noise = fixed, constants, torque_noise or ALL_NOISE
 
     def _forget(self) -> None:
@@ -499,6 +519,7 @@ class KnownOfBench:
     """What was found of a bench's own errors; see the attributes of :class:`Reduction`."""
 
     reading_errors: ReadingErrors
+    run_zeros: RunZeros
     constants: RunConstants | None
     settled_constants: RunConstants | None
     settled: bool

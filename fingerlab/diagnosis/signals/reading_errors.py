@@ -52,6 +52,19 @@ NO_ERROR = ReadingError()
 ReadingErrors = Mapping[str, ReadingError]
 """Of some of ``CHANNELS``, those that have one."""
 
+RunZeros = Mapping[tuple[str, str], ReadingErrors]
+"""Of single runs, by session and name: the zero that an angle has in that run alone."""
+
+
+def with_run_zeros(sessions: Sequence[Session], zeros: RunZeros) -> tuple[Session, ...]:
+    """The sessions, with the zeros of single runs told to these, on top of what is wrong in all."""
+    if not zeros:
+        return tuple(sessions)
+    return tuple(
+        replace(s, runs=tuple(with_errors(run, zeros.get((str(s.path), run.name), {})) for run in s.runs))
+        for s in sessions
+    )
+
 
 def with_reading_errors(sessions: Sequence[Session], errors: ReadingErrors) -> tuple[Session, ...]:
     """The sessions, with the errors of their channels told to their runs."""
@@ -62,7 +75,7 @@ def with_reading_errors(sessions: Sequence[Session], errors: ReadingErrors) -> t
 
 def with_errors(run: Run, errors: ReadingErrors) -> Run:
     """The run, with the errors of its channels told to it."""
-    told: dict[str, ReadingError] = {}
+    told: dict[str, ReadingError] = dict(run.attributes.get(_ERRORS, {}))
     for of, error in errors.items():
         for name in CHANNELS[of] if error != NO_ERROR else ():
             told[name] = told.get(name, NO_ERROR).then(error)
