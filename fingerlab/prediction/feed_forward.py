@@ -52,9 +52,6 @@ CORRECTION_SHARE = 0.5
 """Share of the rig's limit of torque by which found and nominal torque may differ (assumed: at usual forces
 it allows three times the nominal torque and more, and yet a wrong model cannot take the motor from rest to
 its limit by itself)."""
-LEAST_FACTOR = 0.25
-"""Of a change that a practice teaches, so much is gone at least (assumed: what differs from run to run may
-look like a change that goes to and fro, and hold it where it stands)."""
 STEADY_S = 0.2
 """Before the wanted force begins the torque stands still for longer than this (assumed)."""
 LEAST_SHARE = 0.1
@@ -308,25 +305,6 @@ def between(nominal: TorquePlan, found: TorquePlan, share: float, rig: Rig) -> T
 def shifted_plan(plan: TorquePlan, by: Array, rig: Rig) -> TorquePlan:
     """The plan with so much more torque, N m, (n,)."""
     return _with_torque(plan, plan.torque + by, rig)
-
-
-def aitken_factor(before: tuple[float, Array] | None, change: Array) -> float:
-    """Share of a fixed-point iteration's next change that is gone: Aitken's relaxation for vectors.
-
-    Where changes go to and fro, one that goes about half as far ends it; where they go on, it is gone whole.
-    Source: Irons and Tuck (1969), "A version of the Aitken accelerator for computer iteration".
-
-    Args:
-        before: factor and change of the iteration before; None: there was none. change: N m, (n,).
-    """
-    if before is None:
-        return 1.0
-    factor, last = before
-    turned = change - last
-    size = float(turned @ turned)
-    if size <= 0.0:
-        return 1.0
-    return float(np.clip(-factor * float(last @ turned) / size, LEAST_FACTOR, 1.0))
 
 
 def mean_plan(plans: Sequence[TorquePlan], rig: Rig) -> TorquePlan:

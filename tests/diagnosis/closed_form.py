@@ -170,7 +170,7 @@ def _unpacked(numbers: tuple[float, ...]) -> Bench:
     return Bench({-1: (a, b), 1: (c, d)}, (loss1, loss2), trace, finger, missing)
 
 
-def _free_run(bench: Bench, line: Line, rng: np.random.Generator, seconds: float, number: int) -> Run:
+def free_run(bench: Bench, line: Line, rng: np.random.Generator, seconds: float, number: int) -> Run:
     sign, mean, parts = line
     at, way = free_motion(line, _packed(bench), seconds)
     path = CubicHermiteSpline(at, way[:, :2], way[:, 2:])
@@ -336,7 +336,7 @@ def session(
         (1, 3.0, ((1.0, 2.0, 0.5),)),
         (1, 3.5, lively),
     )
-    runs = [_free_run(bench, line, rng, seconds, i) for i, line in enumerate(plan)]
+    runs = [free_run(bench, line, rng, seconds, i) for i, line in enumerate(plan)]
     for k in range(contact):
         swing, frequency = (0.4, 0.6, 0.5)[k % 3], (1.0, 1.0, 0.6)[k % 3]
         runs.append(contact_run(bench, 1.2, swing, frequency, rng, seconds, f"{len(runs) + 1:03d}"))

@@ -59,7 +59,7 @@ def changed(bench: made.Bench, name: str, told: bool = True, number: int = 0) ->
     """A session of one motion that the bench has done before, with the change in its constants."""
     make, change = CHANGES[name]
     rng = np.random.default_rng(7)
-    run = made._free_run(make(bench), LINES[number], rng, 10.0, 0)
+    run = made.free_run(make(bench), LINES[number], rng, 10.0, 0)
     if name == "load":
         torque = run.channel("motor_torque") + LOAD
         channels = {**{c: run.channel(c) for c in run.units}, "motor_torque": torque}

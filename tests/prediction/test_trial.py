@@ -18,7 +18,7 @@ from fingerlab.cli.main import cli
 from fingerlab.core.errors import UserError
 from fingerlab.models.file import load_model
 from fingerlab.prediction.extended import extended_model
-from fingerlab.prediction.feed_forward import LEAST_FACTOR, aitken_factor, first_plan, mean_plan
+from fingerlab.prediction.feed_forward import first_plan, mean_plan
 from fingerlab.prediction.inverse import TorquePlan, needed_torque
 from fingerlab.prediction.target import pose_of_run, wanted_force
 from fingerlab.prediction.trial import Trial, analyse_trial
@@ -126,29 +126,6 @@ def test_what_is_sent_is_the_mean_of_the_practices_that_missed_least() -> None:
                  [(0.0061, 0.0), (0.005, 0.2), (0.0064, 0.0), (0.009, 0.0)]]  # fmt: skip
     assert best_practices(practices) == practices[:2]
     assert best_practices(practices)[1].missed == pytest.approx(0.005, rel=1e-3)
-
-
-@pytest.mark.parametrize(("slope", "at_once"), [(-0.8, True), (-2.0, True), (0.5, False), (0.0, True)])
-def test_a_torque_that_goes_to_and_fro_is_learned_in_three_steps(slope: float, at_once: bool) -> None:
-    """Closed form: what is learned of a torque u is u* + s (u - u*).
-
-    Without relaxation its distance from u* is multiplied by s a turn, and grows where s is -2. A straight
-    line's fixed point is met with the second factor, 1 / (1 - s), unless that is more than the whole way.
-    """
-    best, shape = 0.12, np.linspace(0.5, 1.5, 40)
-    sent, before, missed = np.full(40, 0.1), None, []
-    for _ in range(3):
-        change = best * shape + slope * (sent - best * shape) - sent
-        factor = aitken_factor(before, change)
-        assert LEAST_FACTOR <= factor <= 1.0
-        before, sent = (factor, change), sent + factor * change
-        missed.append(float(np.abs(sent - best * shape).max()))
-    assert missed[0] == pytest.approx(abs(slope) * np.abs(0.1 - best * shape).max())
-    assert missed[1] == pytest.approx(
-        0.0 if at_once else slope**2 * np.abs(0.1 - best * shape).max(), abs=1e-12
-    )
-    assert aitken_factor(None, change) == 1.0
-    assert aitken_factor((0.5, change), change) == 1.0  # that stays the same is gone whole
 
 
 BENCH = ("--effect", EFFECT, "--seed", str(SEED))

@@ -40,7 +40,6 @@ from fingerlab.prediction.feed_forward import (
     FOUND,
     NOMINAL,
     Feed,
-    aitken_factor,
     best_share,
     between,
     first_plan,
@@ -65,6 +64,7 @@ from fingerlab.prediction.trial import (
 )
 from fingerlab.rig.file import Rig
 from fingerlab.sessions.model import Array, Run
+from fingerlab.signals.fixed_point import aitken_factor
 
 LONGEST_S = 20.0
 """Of a wanted force: so long a run is still in the ring when the next torque is learned from it."""

@@ -30,10 +30,12 @@ from fingerlab.diagnosis.settings import (
     ZERO_ROUNDS,
 )
 from fingerlab.diagnosis.signals.reading_errors import MCP, NO_ERROR, PIP, ReadingError, RunZeros
+from fingerlab.sessions.model import Array
+from fingerlab.signals.fixed_point import aitken_factor
 
 _Work = TypeVar("_Work")
 
-ANGLES = (SOURCES.index(MCP), SOURCES.index(PIP))
+ANGLES = [SOURCES.index(MCP), SOURCES.index(PIP)]
 """Places of the joints' angles among the sources of constants."""
 
 
@@ -84,7 +86,7 @@ def _nearest(models: Sequence[FittedModel]) -> list[FittedModel]:
 
 def _settled(reduction: Reduction, model: FittedModel) -> tuple[FittedModel, RunZeros]:
     """The model beside zeros of single runs that stand, held out, and these zeros."""
-    best, fitted = (model, reduction.run_zeros), model
+    best, fitted, step = (model, reduction.run_zeros), model, None
     for _ in range(ZERO_PASSES):
         if fitted.choices:
             scorer, fitted = refine_grid(reduction, fitted)
@@ -93,10 +95,14 @@ def _settled(reduction: Reduction, model: FittedModel) -> tuple[FittedModel, Run
             fitted = scorer.fit_reweighted([], fitted)
         effects = at_found_shapes(fitted)
         for _ in range(ZERO_ROUNDS):
-            zeros, change, size = _moved(reduction, scorer, fitted)
-            if change <= SETTLED_ZERO * size:
+            runs, more = _found(scorer, fitted)
+            known = _known(reduction, runs)
+            if np.linalg.norm(more) <= SETTLED_ZERO * np.linalg.norm(known + more):
                 break
-            reduction.correct_runs(zeros)
+            # Through a stiff stop a zero does far more than through its spring, by which it was told.
+            factor = aitken_factor(step, more.reshape(-1))
+            step = factor, more.reshape(-1)
+            _take_off(reduction, runs, known + factor * more)
             scorer = Scorer(reduction.refined(effects))
             fitted = scorer.fit_reweighted([Choice(e) for e in effects], fitted)
         found, before = scorer.score_held_out(fitted), best[0].misfit
@@ -106,20 +112,21 @@ def _settled(reduction: Reduction, model: FittedModel) -> tuple[FittedModel, Run
     return best
 
 
-def _moved(reduction: Reduction, scorer: Scorer, fitted: FittedModel) -> tuple[RunZeros, float, float]:
-    """The zeros of the runs with what more a model tells of them; rms of that and of all, rad."""
-    zeros = {run: dict(errors) for run, errors in reduction.run_zeros.items()}
-    more = []
-    for offsets in scorer.run_offsets(fitted):
-        for number, sources in zip(offsets.numbers, offsets.sources, strict=True):
-            mine = zeros.setdefault(reduction.runs[number], {})
-            for place in ANGLES:
-                known = mine.get(SOURCES[place], NO_ERROR).zero
-                mine[SOURCES[place]] = ReadingError(known + float(sources[place]))
-                more.append(float(sources[place]))
-    every = [error.zero for errors in zeros.values() for error in errors.values()]
-    return zeros, _rms(more), _rms(every)
+def _found(scorer: Scorer, fitted: FittedModel) -> tuple[list[int], Array]:
+    """Numbers of runs, and what a model tells of the zeros of both angles in them, rad, (runs, 2)."""
+    offsets = scorer.run_offsets(fitted)
+    numbers = [number for one in offsets for number in one.numbers]
+    return numbers, np.concatenate([one.sources[:, ANGLES] for one in offsets])
 
 
-def _rms(values: Sequence[float]) -> float:
-    return float(np.sqrt(np.mean(np.square(values)))) if values else 0.0
+def _known(reduction: Reduction, numbers: Sequence[int]) -> Array:
+    """What was taken off the angles of these runs, rad, (runs, 2)."""
+    each = [reduction.run_zeros.get(reduction.runs[number], {}) for number in numbers]
+    return np.array([[errors.get(SOURCES[k], NO_ERROR).zero for k in ANGLES] for errors in each])
+
+
+def _take_off(reduction: Reduction, numbers: Sequence[int], zeros: Array) -> None:
+    """Take such zeros off the angles of these runs, rad, (runs, 2)."""
+    names = [SOURCES[k] for k in ANGLES]
+    each = (dict(zip(names, map(ReadingError, mine), strict=True)) for mine in zeros.tolist())
+    reduction.correct_runs({reduction.runs[n]: errors for n, errors in zip(numbers, each, strict=True)})
