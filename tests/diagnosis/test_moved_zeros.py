@@ -51,7 +51,7 @@ def test_a_law_is_found_and_so_are_the_zeros(missing: made.Missing, effect: str)
     session, zeros = moved(made.Bench(missing=missing))
     said = diagnose([session], with_curves=False)
     assert said.final_model == (effect,)
-    assert said.path[-1].score < 1.1
+    assert said.path[-1].score < 1.2  # the mean of all zeros is not known, and a cubic law bends by it
     off = np.array([
         [said.run_zeros[str(session.path), run.name][name].zero for name in ANGLES] for run in session.runs
     ])  # fmt: skip

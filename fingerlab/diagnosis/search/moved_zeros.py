@@ -67,15 +67,34 @@ def with_zeros_taken_off(
     if fitted.misfit < HALF_LEFT * best.misfit:
         reduction.correct_runs(zeros)
         found = again()
-        # Beside the law that was found now they may be others.
-        _, zeros = _settled(reduction, outcome(found)[0])
-        if zeros != reduction.run_zeros:
+        first = reduction.known_of_bench
+        zeros = _of_fewest(reduction, outcome(found)[0])
+        if zeros:
             reduction.correct_runs(zeros)
             found = again()
+        else:
+            reduction.go_back(first)
         if is_borne_out(best, *outcome(found)):
             return found
         reduction.go_back(before)
     return None
+
+
+def _of_fewest(reduction: Reduction, end: FittedModel) -> RunZeros:
+    """Zeros beside the first effects of a path that leave little once these are found anew; empty: none do.
+
+    Beside another law they were others, and what that put into them an effect more may have to mend.
+    """
+    effects = at_found_shapes(end)
+    for count in range(1, len(effects) + 1):
+        reduction.correct_runs({})
+        chosen = effects[:count]
+        scorer = Scorer(reduction.refined(chosen))
+        alone = scorer.score_held_out(scorer.fit_reweighted([Choice(e) for e in chosen], end))
+        fitted, zeros = _settled(reduction, alone)
+        if not lacks_fit(fitted, NEARLY_RIGHT):
+            return zeros
+    return {}
 
 
 def _nearest(models: Sequence[FittedModel]) -> list[FittedModel]:
@@ -107,7 +126,7 @@ def _settled(reduction: Reduction, model: FittedModel) -> tuple[FittedModel, Run
             fitted = scorer.fit_reweighted([Choice(e) for e in effects], fitted)
         found, before = scorer.score_held_out(fitted), best[0].misfit
         best = min(best, (found, reduction.run_zeros), key=lambda one: one[0].misfit)
-        if best[0].misfit > STILL_FALLING * before or not lacks_fit(found, NEARLY_RIGHT):
+        if best[0].misfit > STILL_FALLING * before:
             break
     return best
 
