@@ -31,9 +31,6 @@ QUICKER_OCTAVES = 2
 USUAL_TORQUE_SPREAD = 0.04
 """Standard deviation of the torque of the thesis' motor alone, N m: what its size is taken by where no finger
 tells; assumed."""
-LEAST_OF_TORQUE = 0.05
-"""A torque of whose variance less than this share is no white noise tells no pace; assumed: by chance it is a
-hundredth or two."""
 BAND_OVER_HALF = 1.25
 """Cutoff over the frequency below which half of the torque's variance is, if a motor turns on; assumed."""
 USUAL_TRAVEL = 0.2

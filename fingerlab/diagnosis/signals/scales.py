@@ -22,7 +22,6 @@ import numpy as np
 from fingerlab.core.text import FACTORS
 from fingerlab.diagnosis.settings import (
     BAND_OVER_HALF,
-    LEAST_OF_TORQUE,
     LEAST_RATE_HZ,
     LEAST_READINGS,
     LEAST_TURN,
@@ -218,19 +217,15 @@ def _pace(run: Run, turns: bool = False) -> float:
 def _torque_pace(run: Run) -> float:
     """The pace at which the torque of a motor that turns on is seen, rad/s per rad.
 
-    Teeth and poles pass more often than it turns: half of the torque's variance lies well within the band, of
-    what is no noise. Of a motor that turns steadily and smoothly nearly all of it is.
+    Teeth and poles pass more often than it turns: half of the torque's variance lies well within the band.
     """
     torque = _moving(run, "motor_torque")
     if not len(torque):
         return 0.0
-    lines = np.abs(np.fft.rfft((torque - torque.mean()) * np.hanning(len(torque)))) ** 2
-    # White: of each line the same on average, which is 1 / ln 2 times the median of its exponential law.
-    white = float(np.median(lines[len(lines) // 2 :])) / math.log(2.0) if len(lines) else 0.0
-    power = np.cumsum(lines - white)
-    if not len(power) or not power[-1] > LEAST_OF_TORQUE * float(lines.sum()):
+    power = np.cumsum(np.abs(np.fft.rfft((torque - torque.mean()) * np.hanning(len(torque)))) ** 2)
+    if not len(power) or not power[-1] > 0:
         return 0.0
-    half = int(np.argmax(power >= 0.5 * power[-1])) * run.sample_rate_hz / len(torque)
+    half = int(np.searchsorted(power, 0.5 * power[-1])) * run.sample_rate_hz / len(torque)
     return USUAL_PACE * BAND_OVER_HALF * half / NARROW_CUTOFF_HZ
 
 
