@@ -130,6 +130,9 @@ LEAST_JUMPS = 20
 
 CLEARLY_HELPING = 0.4
 """Correlation of torque with speed beyond which a bench's torque is read as a reaction; assumed."""
+CONTRADICTED = 0.25
+"""Share of a session's runs of the other sense, from which on that is believed; assumed: of seven or
+eight runs of two machines one had been turned for how it happened to go."""
 LEAST_RUBBING = 0.3
 """What helps or opposes the motion tells the torque's sense from this share of its scatter on; less is what a
 torque that leads by 5 ms, of a machine without friction, does at 10 Hz."""

@@ -19,6 +19,7 @@ from fingerlab.diagnosis.settings import (
     AT_ONCE_SHARE,
     AT_ONCE_STEP_S,
     CLEARLY_HELPING,
+    CONTRADICTED,
     LEAST_RUBBING,
     LONGEST_STRETCH_S,
     MOVED_DEG,
@@ -294,15 +295,16 @@ DRIVE_SIGN = "drive_sign"
 def with_drive_sign(runs: Sequence[Run], motions: Sequence[Motion]) -> list[Run]:
     """The runs of a motor alone with the sense of its torque told to each: a session has one wiring.
 
-    Unless some runs tell it clearly either way: then each has its own.
+    Unless a quarter of the runs that tell it clearly or more contradict the others: then each has its own.
 
     Args:
         motions: of some of the runs.
     """
-    clear = {motion.drive_sign for motion in motions if motion.drive_sign}
-    if len(clear) > 1:
+    clear = [motion.drive_sign for motion in motions if motion.drive_sign]
+    turned = clear.count(-1) / max(len(clear), 1)
+    if CONTRADICTED <= turned <= 1.0 - CONTRADICTED:
         return list(runs)
-    sign = clear.pop() if clear else 1
+    sign = -1 if turned > 0.5 else 1
     return [replace(run, attributes={**run.attributes, DRIVE_SIGN: sign}) for run in runs]
 
 
