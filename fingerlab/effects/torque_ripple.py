@@ -113,7 +113,8 @@ def _closer(shape: Shape) -> Sequence[Shape]:
 
 
 def _limits(shape: Shape) -> Limits | None:
-    return (-MOST_WEIGHT, MOST_WEIGHT) if shape.get(WEIGHT) else None
+    heavy = shape.get(WEIGHT) or shape.get("order") == 1.0
+    return (-MOST_WEIGHT, MOST_WEIGHT) if heavy else None
 
 
 TITLE = "Torque ripple"

@@ -85,7 +85,7 @@ def test_a_lag_beside_a_ripple_is_found() -> None:
 
 
 def test_a_weight_through_full_turns_is_as_heavy_as_it_is() -> None:
-    """More than was guessed from pace and torque: the guess is widened, not held."""
+    """What goes once a turn is most of the torque then, and no small ripple of it."""
 
     def law(angle: np.ndarray, speed: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
         return inert(angle, speed, acceleration) + 1.2 * np.sin(angle + 0.3)

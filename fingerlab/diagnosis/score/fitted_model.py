@@ -30,7 +30,6 @@ from fingerlab.diagnosis.signals.conditions import GroupKey
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
 from fingerlab.diagnosis.signals.scales import powers_of
 from fingerlab.effects.base import ALONE, Effect
-from fingerlab.physics.parameter import Parameter
 from fingerlab.sessions.model import Array, BoolArray
 
 
@@ -62,7 +61,7 @@ def at_assumed_bounds(fitted: FittedModel) -> list[str]:
     found = []
     for name, gain in effect.unknowns.items():
         place = fitted.model.index.get(name if name in effect.relaxes else f"{effect.id}.{name}")
-        if place is None or _is_limited(fitted, gain) or not gain.source.startswith("assumed"):
+        if place is None or gain.limits is not None or not gain.source.startswith("assumed"):
             continue
         if not any(powers_of(gain.unit)):
             continue
@@ -79,7 +78,7 @@ def at_bounds(fitted: FittedModel) -> list[str]:
     """
     effect, found = fitted.last_effect, []
     for name, key in own_keys(fitted, effect).items():
-        if name not in effect.unknowns or _is_limited(fitted, effect.unknowns[name]):
+        if name not in effect.unknowns or effect.unknowns[name].limits is not None:
             continue
         place = fitted.model.index[key]
         low, high = float(fitted.model.low[place]), float(fitted.model.high[place])
@@ -87,14 +86,6 @@ def at_bounds(fitted: FittedModel) -> list[str]:
         if low < high and at_bound(value, low, high):
             found.append(name)
     return found
-
-
-def _is_limited(fitted: FittedModel, gain: Parameter) -> bool:
-    """Whether a strength of the last effect has other limits than the usual ones at the shape found."""
-    last = fitted.choices[-1]
-    if gain.limits is None or not last.effect.shapes:
-        return gain.limits is not None
-    return gain.limits(last.effect.shapes[last.shape]) is not None
 
 
 def at_found_shapes(fitted: FittedModel) -> list[Effect]:
