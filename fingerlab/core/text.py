@@ -256,7 +256,12 @@ def score_text(score: float) -> str:
     """An error in multiples of the floor, or its square: ``1.03``, ``12.4``, ``340``, ``12300``."""
     if math.isfinite(score) and score >= 1000:
         return fixed(float(f"{score:.3g}"), 0)
-    return fixed(score, 0 if score >= 100 else 1 if score >= 10 else 2)
+    return fixed(score, score_decimals(score))
+
+
+def score_decimals(score: float) -> int:
+    """Decimals that an error in multiples of the floor is told to."""
+    return 0 if score >= 100 else 1 if score >= 10 else 2
 
 
 def percent(share: float, counted: bool = False) -> str:

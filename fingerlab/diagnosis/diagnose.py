@@ -59,6 +59,7 @@ from fingerlab.diagnosis.score.evidence import (
 from fingerlab.diagnosis.score.fitted_model import (
     FittedModel,
     at_found_shapes,
+    nearest,
     paired_score,
     with_other_laws,
     with_shapes_of,
@@ -280,7 +281,7 @@ def searched_with_lag(reduction: Reduction, found: Found, again: Callable[[], _S
     last = found.path[-1]
     if not reduction.on_bench or reduction.late_torque or not lacks_fit(last, NEARLY_RIGHT):
         return None
-    near = sorted([*found.models, *found.evidence.candidates], key=lambda one: one.misfit)
+    near = nearest([*found.models, *found.evidence.candidates])
     beside = lag_beside(reduction, near[:MODELS_BESIDE_ERRORS])
     if beside is None or not beside.misfit < HALF_LEFT * last.misfit:
         return None

@@ -113,8 +113,12 @@ def _closer(shape: Shape) -> Sequence[Shape]:
 
 
 def _limits(shape: Shape) -> Limits | None:
-    heavy = shape.get(WEIGHT) or shape.get("order") == 1.0
-    return (-MOST_WEIGHT, MOST_WEIGHT) if heavy else None
+    return (-MOST_WEIGHT, MOST_WEIGHT) if shape.get(WEIGHT) or _is_once_a_turn(shape) else None
+
+
+def _is_once_a_turn(shape: Shape) -> bool:
+    """Whether it may be a weight that turns over, which is as large as the motor can carry, and no ripple."""
+    return shape.get("order") == 1.0
 
 
 TITLE = "Torque ripple"
@@ -124,7 +128,7 @@ def _title_of_an_axis(shape: Shape) -> str:
     """What goes once a turn is told by its cause: nobody calls the weight of a link a ripple."""
     if shape.get(WEIGHT):
         return "Weight of a link out of balance"
-    return f"{TITLE} once a turn" if shape.get("order") == 1.0 else TITLE
+    return f"{TITLE} once a turn" if _is_once_a_turn(shape) else TITLE
 
 
 def _of_an_axis(shape: Shape) -> str:
@@ -133,7 +137,7 @@ def _of_an_axis(shape: Shape) -> str:
             "The motor's equation misses a torque that goes with the sine of its angle, once a turn: that of "
             "the weight of a link, or of whatever is out of balance."
         )
-    if shape.get("order") == 1.0:
+    if _is_once_a_turn(shape):
         return (
             "The motor's equation misses a torque that repeats once a turn, as that of a weight out of "
             "balance or of a part out of true."

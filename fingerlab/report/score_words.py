@@ -8,7 +8,16 @@ from dataclasses import dataclass, field
 from itertools import groupby, pairwise
 from typing import Any
 
-from fingerlab.core.text import amount, decimals_for, fixed, percent, printed, score_text, screen_unit
+from fingerlab.core.text import (
+    amount,
+    decimals_for,
+    fixed,
+    percent,
+    printed,
+    score_decimals,
+    score_text,
+    screen_unit,
+)
 from fingerlab.diagnosis.answer.error_parts import EQUATIONS, EquationError, ExcludedByMotion, ScorePart
 from fingerlab.diagnosis.answer.results import Candidate, Diagnosis
 from fingerlab.diagnosis.score.calibration import Verdict
@@ -176,7 +185,7 @@ def score_sentence(diagnosis: Diagnosis) -> str:
         return ""
     rest = sum(part.squared for part in parts) - sum(part.squared for part in named)
     # All to the same decimals, and so that the sentence adds up.
-    decimals = 0 if diagnosis.score**2 >= 100 else 1 if diagnosis.score**2 >= 10 else 2
+    decimals = score_decimals(diagnosis.score**2)
     unit = 10.0**-decimals
     steps = apportioned([*(part.squared for part in named), rest], unit)
     *each, others = (fixed(count * unit, decimals) for count in steps)

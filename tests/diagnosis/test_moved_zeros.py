@@ -43,7 +43,7 @@ def moved(bench: made.Bench) -> tuple[Session, np.ndarray]:
 
 
 @pytest.mark.parametrize(("missing", "effect"), [
-    (made.Missing(stop=(-0.25, 1.0)), "joint_stop"),  # at its end nine times as stiff as the spring
+    (made.Missing(stop=(-0.25, 1.0)), "joint_stop"),  # at its end eight times as stiff as the spring
     (made.Missing(cubic=(0.0, 0.5)), "spring_hardening"),
 ])  # fmt: skip
 def test_a_law_is_found_and_so_are_the_zeros(missing: made.Missing, effect: str) -> None:

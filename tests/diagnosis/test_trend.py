@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fingerlab.diagnosis.gram.reduction import remove_common_trend
+from fingerlab.diagnosis.gram.grouping import remove_common_trend
 from fingerlab.diagnosis.gram.sums import Group, empty
 
 RNG = np.random.default_rng(5)

@@ -33,6 +33,7 @@ from fingerlab.acquisition.control.trajectories import MOST_FORCE, MOST_POSITION
 from fingerlab.acquisition.protocols.steps import Change, Find, Record, Rest, Step, WorkOut, prompt_of
 from fingerlab.core.errors import UserError
 from fingerlab.core.text import number
+from fingerlab.diagnosis.fit.bounded_step import aitken_factor
 from fingerlab.models.file import load_model
 from fingerlab.prediction.extended import ExtendedModel, Variant, extended_model
 from fingerlab.prediction.feed_forward import (
@@ -64,7 +65,6 @@ from fingerlab.prediction.trial import (
 )
 from fingerlab.rig.file import Rig
 from fingerlab.sessions.model import Array, Run
-from fingerlab.signals.fixed_point import aitken_factor
 
 LONGEST_S = 20.0
 """Of a wanted force: so long a run is still in the ring when the next torque is learned from it."""

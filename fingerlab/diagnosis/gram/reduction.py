@@ -16,13 +16,18 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any, TypeVar
 
-import numpy as np
-
 from fingerlab.core.progress import SILENT, Watch
 from fingerlab.diagnosis.equations.columns import ReadRequest, asked_of, joined, layout_of
 from fingerlab.diagnosis.equations.features import Layout
 from fingerlab.diagnosis.equations.parameters import narrowed
 from fingerlab.diagnosis.gram.decimation import Decimated, SegmentCache
+from fingerlab.diagnosis.gram.grouping import (
+    add_few,
+    add_run,
+    empty_group,
+    remove_common_trend,
+    shared_motions,
+)
 from fingerlab.diagnosis.gram.run_constants import RunConstants
 from fingerlab.diagnosis.gram.run_sums import Keep, in_place, pair_sums, run_sums, sums_in_turn
 from fingerlab.diagnosis.gram.state_law import torque_products
@@ -33,9 +38,6 @@ from fingerlab.diagnosis.gram.sums import (
     Reduced,
     RunSums,
     TorqueNoise,
-    add_among,
-    empty,
-    finer_of,
 )
 from fingerlab.diagnosis.settings import (
     FEW_RUNS,
@@ -46,7 +48,6 @@ from fingerlab.diagnosis.settings import (
 )
 from fingerlab.diagnosis.signals.channel_checks import ChannelRatios, check_channels
 from fingerlab.diagnosis.signals.conditions import (
-    Fold,
     GroupKey,
     changed_pairs,
     folds_of_runs,
@@ -156,18 +157,26 @@ class Reduction:
     @cached_property
     def pairs(self) -> list[tuple[Session, Run]]:
         """The runs that are analysed, in reduced units, each with its session."""
-        found = usable(runs_to_analyse(self.sessions)[0], lambda run: not is_fragmented(run))
-        return self._with_drive_signs(found) if self.on_bench else found
-
-    def _with_drive_signs(self, pairs: Sequence[tuple[Session, Run]]) -> list[tuple[Session, Run]]:
-        """The runs of a motor alone, with the sense of its torque that each session tells."""
-        result = []
-        for session, each in groupby(pairs, lambda pair: pair[0]):
-            runs = [run for _, run in each]
-            looked_at = runs[:: -(-len(runs) // MOST_LOOKED_AT)]
-            motions = [next(segments_of(run, session.rig)) for run in looked_at]
-            result += [(session, run) for run in with_drive_sign(runs, motions)]
+        if not self.on_bench:
+            return self._usable
+        result, looked_at = [], self._looked_at
+        for _, each in groupby(enumerate(self._usable), lambda pair: pair[1][0].path):
+            numbers, pairs = zip(*each, strict=True)
+            motions = [looked_at[number] for number in numbers if number in looked_at]
+            runs = with_drive_sign([run for _, run in pairs], motions)
+            result += [(session, run) for (session, _), run in zip(pairs, runs, strict=True)]
         return result
+
+    @cached_property
+    def _usable(self) -> list[tuple[Session, Run]]:
+        return usable(runs_to_analyse(self.sessions)[0], lambda run: not is_fragmented(run))
+
+    @cached_property
+    def _looked_at(self) -> dict[int, Motion]:
+        """The first stretch of some runs, evenly among all, by their numbers."""
+        step = -(-len(self._usable) // MOST_LOOKED_AT)
+        some = list(enumerate(self._usable))[::step]
+        return {number: next(segments_of(run, session.rig)) for number, (session, run) in some}
 
     @property
     def fragmented_runs(self) -> list[str]:
@@ -212,7 +221,7 @@ class Reduction:
             self._read_anew()
 
     def _read_anew(self) -> None:
-        for name in ("sessions", "pairs"):
+        for name in ("sessions", "pairs", "_usable", "_looked_at"):
             vars(self).pop(name, None)
         self._forget()
 
@@ -261,13 +270,8 @@ class Reduction:
     def _suited(self, effect: Effect) -> Effect:
         if effect.id not in self._seen:
             assert effect.shapes_seen is not None
-            self._seen[effect.id] = tuple(effect.shapes_seen(self._looked_at()))
+            self._seen[effect.id] = tuple(effect.shapes_seen(list(self._looked_at.values())))
         return replace(effect, shapes=self._seen[effect.id] or effect.shapes)
-
-    def _looked_at(self) -> list[Motion]:
-        """The first stretch of some runs, evenly among all."""
-        runs = self.pairs[:: -(-len(self.pairs) // MOST_LOOKED_AT)]
-        return [next(segments_of(run, session.rig)) for session, run in runs]
 
     def examples(self) -> list[Motion]:
         """The first stretch of one run of every kind (phase and cable), in reduced units.
@@ -281,7 +285,7 @@ class Reduction:
     @cached_property
     def _orders(self) -> tuple[float, ...]:
         """Periods a turn at which the torque of a motor alone repeats with its angle."""
-        return tuple(strongest_lines(self._looked_at()))[:STATE_ORDERS] if self.on_bench else ()
+        return tuple(strongest_lines(list(self._looked_at.values())))[:STATE_ORDERS] if self.on_bench else ()
 
     def is_of(self, sessions: Sequence[Session]) -> bool:
         """Whether it was made of these very sessions."""
@@ -462,7 +466,7 @@ class Reduction:
             start += layout.signal_count
         whole = joined(*layouts.values())
         dealt, places = folds_of_runs(runs)
-        motions = _shared(self.motions)
+        motions = shared_motions(self.motions)
         groups: dict[GroupKey, Group] = {}
         few: dict[GroupKey, list[tuple[int, RunSums]]] = {}
         seen: list[ChannelSigns] = []
@@ -474,16 +478,16 @@ class Reduction:
             sums = next(parts)
             key = group_key(run)
             if key not in groups:
-                groups[key] = _empty_group(run, whole, dealt[key])
+                groups[key] = empty_group(run, whole, dealt[key])
             if each[number].in_parts:
                 few.setdefault(key, []).append((number, sums))
             else:
-                _add(groups[key], places[number], sums, number, motions[number])
+                add_run(groups[key], places[number], sums, number, motions[number])
             seen += sums.senses
             facts += [] if sums.facts is None else [sums.facts]
             self.repairs[number], self.samples[number] = sums.repairs, sums.samples
         for key, found_sums in few.items():
-            _add_few(groups[key], found_sums, places, motions)
+            add_few(groups[key], found_sums, places, motions)
         check_channels(facts)
         check_senses(seen)
         for group in groups.values():
@@ -532,81 +536,3 @@ _Key = tuple[str, object, tuple[tuple[tuple[str, float], ...], ...]]
 def _key(effect: Effect) -> _Key:
     """What decides the columns of an effect."""
     return effect.id, effect.columns, tuple(tuple(sorted(shape.items())) for shape in effect.shapes)
-
-
-def _shared(motions: Sequence[int | None]) -> list[int | None]:
-    """Those that several runs were told, for each run; None: no other was."""
-    return [motion if motions.count(motion) > 1 else None for motion in motions]
-
-
-def _empty_group(run: Run, layout: Layout, dealt: list[Fold]) -> Group:
-    size = layout.signal_count
-    folds = [empty(size) for _ in dealt]
-    return Group(group_key(run), run.cable_sign, folds, np.zeros((size, size)), dealt=dealt)
-
-
-def _add_few(
-    group: Group, found: Sequence[tuple[int, RunSums]], places: Sequence[int], motions: Sequence[int | None]
-) -> None:
-    """Add the few runs of a group, by their numbers: where no motion comes again, by parts."""
-    group.in_parts = all(part.noise is None for _, sums in found for part in sums.parts)
-    conditions, size = [fold.condition for fold in group.dealt], len(group.noise)
-    if group.in_parts:
-        splits = sorted({part.split for _, sums in found for part in sums.parts})
-        group.dealt = [Fold(c, split) for c in sorted(set(conditions)) for split in splits]
-        group.folds = [empty(size) for _ in group.dealt]
-    for number, sums in found:
-        _add(group, places[number], sums, number, motions[number], conditions[places[number]])
-
-
-def _add(
-    group: Group, k: int, found: RunSums, number: int, motion: int | None, condition: int | None = None
-) -> None:
-    """Add the run of this number to fold ``k`` of its group, or its parts to those of its ``condition``."""
-    if group.in_parts:
-        for fold, dealt in zip(group.folds, group.dealt, strict=True):
-            if dealt.condition == condition:
-                found.add_to(fold, number, dealt.split)
-    else:
-        found.add_to(group.folds[k], number)
-    for part in found.parts:
-        if part.noise is not None:
-            add_among(group.noise, part.noise, part.live)
-            group.noise_samples += part.noise_samples
-    for number, (live, trend) in enumerate(found.trends):
-        whole = np.zeros((len(group.noise), trend.shape[1]))
-        whole[live] = trend
-        group.trends.setdefault((group.dealt[k].condition, number), []).append(whole)
-    for cycle in found.cycles if motion is not None else ():
-        group.cycles.setdefault((motion, cycle.stretch), []).append(cycle)
-    group.encoder_variance = finer_of(group.encoder_variance, found.encoder_variance)
-    group.encoder_noise = tuple(map(finer_of, group.encoder_noise, found.encoder_noise))
-    group.state_products += [found.state_products] if found.state_products else []
-
-
-def remove_common_trend(group: Group) -> None:
-    """Takes out of a group's noise the slow trend that the runs of a condition have in common.
-
-    A trend (a sensor that warms up, a spring that creeps) is no noise if it comes again in every run: it can
-    be explained. Its noise is what it differs by from run to run. Only in free motion: how a tip settles on
-    the load cell comes again, too, and no law here tells it.
-    """
-    for trends in _comparable(group):
-        count = len(trends)
-        if count < 2 or group.in_contact:
-            continue
-        runs = np.stack(trends)  # (runs, signals, degrees)
-        mean = runs.mean(axis=0)
-        apart = (runs - mean).transpose(1, 0, 2).reshape(mean.shape[0], -1)
-        group.noise += apart @ apart.T / (count - 1) - count * mean @ mean.T
-    group.trends.clear()
-
-
-def _comparable(group: Group) -> list[list[Array]]:
-    """Trends of runs that can be compared: those of one condition, and of all conditions with one run."""
-    repeated = [trends for trends in group.trends.values() if len(trends) > 1]
-    alone: dict[int, list[Array]] = {}
-    for (_, stretch), trends in group.trends.items():
-        if len(trends) == 1:
-            alone.setdefault(stretch, []).extend(trends)
-    return [*repeated, *alone.values()]

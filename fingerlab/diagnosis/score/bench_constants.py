@@ -110,16 +110,15 @@ def lag_beside(reduction: Reduction, models: Sequence[FittedModel]) -> FittedMod
 
     Beside a ripple, which turns round faster than inertia or friction, half a sample counts.
     """
-    before, reduction.late_torque = reduction.late_torque, True
     found = []
     for model in models:
         effects = at_found_shapes(model)
-        scorer = Scorer(reduction.refined(effects)).with_late_torque()
+        reduced = reduction.refined(effects)
+        scorer = Scorer(replace(reduced, layout=replace(reduced.layout, late_torque=True)))
         fitted = scorer.score_held_out(scorer.fit_reweighted([Choice(e) for e in effects], model))
         place = fitted.model.index[TORQUE_LAG]
         if abs(fitted.fit.values[place]) < LAG_AT_EDGE * abs(fitted.model.high[place]):
             found.append(fitted)
-    reduction.late_torque = before
     return min(found, key=lambda one: one.misfit, default=None)
 
 

@@ -12,7 +12,7 @@ nothing of it. What is left says how wrong the model is about the change.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -86,6 +86,12 @@ def at_bounds(fitted: FittedModel) -> list[str]:
         if low < high and at_bound(value, low, high):
             found.append(name)
     return found
+
+
+def nearest(models: Iterable[FittedModel]) -> list[FittedModel]:
+    """One model of the same effects each, those that leave least first."""
+    each = {tuple(one.effect_ids): one for one in sorted(models, key=lambda one: -one.misfit)}
+    return sorted(each.values(), key=lambda one: one.misfit)
 
 
 def at_found_shapes(fitted: FittedModel) -> list[Effect]:

@@ -13,10 +13,11 @@ from typing import TypeVar
 import numpy as np
 
 from fingerlab.diagnosis.equations.model import Choice
+from fingerlab.diagnosis.fit.bounded_step import aitken_factor
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.gram.run_constants import SOURCES
 from fingerlab.diagnosis.score.bench_constants import is_borne_out
-from fingerlab.diagnosis.score.fitted_model import FittedModel, at_found_shapes
+from fingerlab.diagnosis.score.fitted_model import FittedModel, at_found_shapes, nearest
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.score.selection import lacks_fit
 from fingerlab.diagnosis.search.grid_refinement import refine_grid
@@ -31,7 +32,6 @@ from fingerlab.diagnosis.settings import (
 )
 from fingerlab.diagnosis.signals.reading_errors import MCP, NO_ERROR, PIP, ReadingError, RunZeros
 from fingerlab.sessions.model import Array
-from fingerlab.signals.fixed_point import aitken_factor
 
 _Work = TypeVar("_Work")
 
@@ -59,7 +59,7 @@ def with_zeros_taken_off(
     if reduction.run_zeros or not moves or not lacks_fit(best, NEARLY_RIGHT):
         return None
     each = []
-    for model in _nearest(models):
+    for model in nearest(models)[:MODELS_BESIDE_ZEROS]:
         reduction.go_back(before)
         each.append(_settled(reduction, model))
     fitted, zeros = min(each, key=lambda one: one[0].misfit)
@@ -69,11 +69,10 @@ def with_zeros_taken_off(
         found = again()
         first = reduction.known_of_bench
         zeros = _of_fewest(reduction, outcome(found)[0])
-        if zeros:
-            reduction.correct_runs(zeros)
-            found = again()
-        else:
+        if _alike(zeros, first.run_zeros):
             reduction.go_back(first)
+        else:
+            found = again()
         if is_borne_out(best, *outcome(found)):
             return found
         reduction.go_back(before)
@@ -81,10 +80,12 @@ def with_zeros_taken_off(
 
 
 def _of_fewest(reduction: Reduction, end: FittedModel) -> RunZeros:
-    """Zeros beside the first effects of a path that leave little once these are found anew; empty: none do.
+    """Zeros beside the first effects of a path that leave little with zeros of their own; they are taken off.
 
-    Beside another law they were others, and what that put into them an effect more may have to mend.
+    Beside another law they were others, and what that put into them an effect more may have to mend. Those
+    that were known, where no effects leave little.
     """
+    known = reduction.run_zeros
     effects = at_found_shapes(end)
     for count in range(1, len(effects) + 1):
         reduction.correct_runs({})
@@ -93,14 +94,20 @@ def _of_fewest(reduction: Reduction, end: FittedModel) -> RunZeros:
         alone = scorer.score_held_out(scorer.fit_reweighted([Choice(e) for e in chosen], end))
         fitted, zeros = _settled(reduction, alone)
         if not lacks_fit(fitted, NEARLY_RIGHT):
-            return zeros
-    return {}
+            known = zeros
+            break
+    reduction.correct_runs(known)
+    return known
 
 
-def _nearest(models: Sequence[FittedModel]) -> list[FittedModel]:
-    """Of the models those that leave least, one of the same effects each."""
-    each = {tuple(one.effect_ids): one for one in sorted(models, key=lambda one: -one.misfit)}
-    return sorted(each.values(), key=lambda one: one.misfit)[:MODELS_BESIDE_ZEROS]
+def _alike(one: RunZeros, other: RunZeros) -> bool:
+    """Whether zeros of the same runs differ by no more than what is left of them when they stand."""
+    if one.keys() != other.keys():
+        return False
+    each, others = (
+        np.array([[e.zero for e in zeros[run].values()] for run in other]) for zeros in (one, other)
+    )
+    return bool(np.linalg.norm(each - others) <= SETTLED_ZERO * np.linalg.norm(others))
 
 
 def _settled(reduction: Reduction, model: FittedModel) -> tuple[FittedModel, RunZeros]:

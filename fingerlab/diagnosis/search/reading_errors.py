@@ -16,7 +16,7 @@ from typing import TypeVar
 from fingerlab.diagnosis.equations.model import Choice
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.score.bench_constants import is_borne_out
-from fingerlab.diagnosis.score.fitted_model import FittedModel, at_found_shapes
+from fingerlab.diagnosis.score.fitted_model import FittedModel, at_found_shapes, nearest
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.score.selection import lacks_fit
 from fingerlab.diagnosis.search.grid_refinement import refine_grid
@@ -124,10 +124,9 @@ def _nearest(models: Sequence[FittedModel], lacking: bool) -> list[FittedModel]:
     ``lacking``: the first one lacks fit; else an error only stands in the place of effects of it.
     """
     *others, given = models
-    each = {tuple(one.effect_ids): one for one in sorted(others, key=lambda one: -one.misfit)}
     size = len(models[0].choices)
-    near = [one for one in each.values() if one is not given and (lacking or len(one.choices) < size)]
-    near = sorted(near, key=lambda one: one.misfit)[:MODELS_BESIDE_ERRORS]
+    near = [one for one in nearest(others) if one is not given and (lacking or len(one.choices) < size)]
+    near = near[:MODELS_BESIDE_ERRORS]
     return [*near, given] if lacking or len(given.choices) < size else near
 
 

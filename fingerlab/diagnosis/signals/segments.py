@@ -237,7 +237,7 @@ def _motion(
     if on_bench:
         load = read("load_torque")[0] if run.has("load_torque") else np.zeros(position.shape[1])
         told = drive_sign(torque[0][behind:], position[:, behind:])
-        turned = run.attributes.get(DRIVE_SIGN, 0) < 0 or (DRIVE_SIGN not in run.attributes and told < 0)
+        turned = run.attributes.get(DRIVE_SIGN, told) < 0
         torque = -torque if turned else torque
     else:
         mcp, pip = read("mcp_angle"), read("pip_angle")
@@ -298,11 +298,11 @@ def with_drive_sign(runs: Sequence[Run], motions: Sequence[Motion]) -> list[Run]
     Unless a quarter of the runs that tell it clearly or more contradict the others: then each has its own.
 
     Args:
-        motions: of some of the runs.
+        motions: of some of the runs; where there are none each has its own as well.
     """
     clear = [motion.drive_sign for motion in motions if motion.drive_sign]
     turned = clear.count(-1) / max(len(clear), 1)
-    if CONTRADICTED <= turned <= 1.0 - CONTRADICTED:
+    if not motions or CONTRADICTED <= turned <= 1.0 - CONTRADICTED:
         return list(runs)
     sign = -1 if turned > 0.5 else 1
     return [replace(run, attributes={**run.attributes, DRIVE_SIGN: sign}) for run in runs]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fingerlab.signals.fixed_point import LEAST_FACTOR, aitken_factor
+from fingerlab.diagnosis.fit.bounded_step import LEAST_FACTOR, aitken_factor
 
 
 @pytest.mark.parametrize(("slope", "at_once"), [(-0.8, True), (-2.0, True), (0.5, False), (0.0, True)])
