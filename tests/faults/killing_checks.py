@@ -84,9 +84,12 @@ def kill_check(card: Served, step: str, how: str, share: float) -> Kill:
     arguments = [sys.executable, "-m", "tests.faults.checker", card.address, *before_it, name]
     with subprocess.Popen(arguments, stdout=subprocess.PIPE, cwd=ROOT, text=True) as check:
         lines = _Lines(check)
-        children = lines.wait_for("told")["children"]
-        _await_step(lines, name)
-        _wait(_begun(step, output), 1e-4, check)
+        try:
+            children = lines.wait_for("told")["children"]
+            _await_step(lines, name)
+            _wait(_begun(step, output), 1e-4, check)
+        except NotSoFar:
+            raise NotSoFar(lines.failures()) from None
         begun = read_output(output).cycles
         time.sleep(STEPS[step] * share)
         before = read_output(output)
@@ -111,7 +114,8 @@ class _Lines:
         self._said: list[dict] = []
         self._taken = 0
         self._check = check
-        threading.Thread(target=self._read, args=(check,), daemon=True).start()
+        self._reader = threading.Thread(target=self._read, args=(check,), daemon=True)
+        self._reader.start()
 
     def wait_for(self, key: str) -> dict:
         """The next line with this key."""
@@ -126,6 +130,11 @@ class _Lines:
 
         _wait(there, 1e-3, self._check)
         return found[0]
+
+    def failures(self) -> str:
+        """What failed, of a check that has ended."""
+        self._reader.join(PATIENCE_S)
+        return " ".join(line["told"] for line in self._said if line.get("told", "").startswith("failed"))
 
     def _read(self, check: subprocess.Popen[str]) -> None:
         assert check.stdout is not None

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -13,8 +12,9 @@ from tests.faults.killing import kill_once
 from tests.faults.killing_checks import STEPS, Kill, NotSoFar, kill_check
 from tests.faults.live_card import Served, served
 
-TRIES = 12
-"""Checks until one is not stopped before by a control loop that came late (assumed)."""
+TRIES = 60
+"""Checks until one is not stopped before by a control loop that came late. Beside three programs that take
+both cores, four in five are, where this one may not come before others; 0.8^60 is one in a million."""
 
 
 @pytest.fixture(scope="module")
@@ -37,12 +37,16 @@ def test_the_card_is_told_zero_whoever_dies(tmp_path: Path, card: Served, victim
 
 def killed_in(card: Served, step: str, how: str) -> Kill:
     """The first of some checks that comes as far as ``step``; a busy machine stops many on its own."""
+    why: set[str] = set()
     for _ in range(TRIES):
-        with suppress(NotSoFar):
+        try:
             kill = kill_check(card, step, how, 0.3)
-            if not kill.too_late:  # the loop had stopped the motor by itself
-                return kill
-    pytest.fail(f"{TRIES} checks in turn ended before '{step}', though nobody killed them.")
+        except NotSoFar as early:
+            why.add(str(early))
+            continue
+        if not kill.too_late:  # the loop had stopped the motor by itself
+            return kill
+    pytest.fail(f"{TRIES} checks in turn ended before '{step}', though nobody killed them: {why}")
 
 
 def test_a_check_is_killed_in_each_of_its_steps() -> None:
