@@ -36,6 +36,8 @@ BAND_OVER_HALF = 1.25
 USUAL_TRAVEL = 0.2
 """A motor that moves further has travelled this far, root mean square, rad, as far as its pace is concerned:
 16 degrees to either side, as in the thesis' protocol."""
+USUAL_SPEED = USUAL_PACE * USUAL_TRAVEL
+"""Speed of the thesis' motor, rad/s, root mean square."""
 LEAST_TURN = 0.05
 """A motor alone of which no run moves as far has a unit of angle of its own, rad, root mean square: 4 degrees
 to either side, which the proposed small sines reach. An axis along a line has no whole turn to keep, and

@@ -399,6 +399,16 @@ ALONE = "alone"
 """Switch of a shape: friction of a motor alone, whose grid holds laws of the travel and of the speed."""
 ALONE_TRAVELS_DEG = tuple(0.05 * 2.0 ** (k / 2) for k in range(9))
 """Of a motor that winds up no cable: from rigid to the wind-up of a gearbox; assumed."""
+STICK_DAMPING = "stick_damping"
+"""Number of a shape, s: damping of what sticks, over its stiffness (LuGre's sigma_1 over sigma_0)."""
+STICK_DAMPINGS_S = (0.001, 0.002, 0.004, 0.008)
+"""Where it is looked for first: 3 ms in the LuGre model's first paper (Canudas de Wit et al. 1995), half of
+what is critical for a mass of 1 kg; assumed within a factor of three."""
+CLOSING_IN = tuple(2.0 ** (k / 16) for k in (-8, -4, -2, -1, 0, 1, 2, 4, 8))
+"""Factors about a travel, and squared about a damping: far and near, for one goes with the other so closely
+that a tenth of the one leaves several floors."""
+LONGER_TRAVELS = tuple(2.0 ** (k / 8) for k in (0, 1, 2, 3, 4, 6, 8))
+"""Factors by which the travel of what sticks may be longer than it seems to be without damping; assumed."""
 
 
 def rubbing(
@@ -407,6 +417,7 @@ def rubbing(
     speed_factors: Sequence[float] = FINEST_OCTAVE,
     by_speed: bool = False,
     least_speed: float = 0.0,
+    afar: bool = True,
 ) -> Closer:
     """Friction that builds up over other travels and along other virgin curves.
 
@@ -416,20 +427,22 @@ def rubbing(
 
     Args:
         by_speed: whether friction beside a finger is tried by the speed, too. least_speed: at which it turns
-            round, rad/s.
+            round, rad/s. afar: whether a motor alone is tried at travels and speeds far from those found.
     """
 
     def around(shape: Shape) -> Sequence[Shape]:
         if REVERSAL_SPEED in shape:
             faster = times(REVERSAL_SPEED, speed_factors)(shape)
             near = [one for one in faster if one[REVERSAL_SPEED] >= min(least_speed, shape[REVERSAL_SPEED])]
-            return [*near, *_other_travels(shape, sharpnesses)]
+            return [*near, *(_other_travels(shape, sharpnesses) if afar or not shape.get(ALONE) else [])]
         even = shape["travel_deg"] / (1.0 + shape.get("sharpness", 0.0))
         near = [
             {**shape, "travel_deg": even * (1.0 + sharpness) * factor, "sharpness": sharpness}
             for sharpness in sharpnesses
             for factor in factors
         ]
+        if shape.get(ALONE) and not afar:
+            return near
         travels = [one["travel_deg"] for one in near]
         far = [
             one for one in _other_travels(shape, sharpnesses)
@@ -437,6 +450,31 @@ def rubbing(
         ]  # fmt: skip
         beside = FINGER_SPEEDS if by_speed else ()
         return [*near, *far, *_other_speeds(shape, REVERSAL_SPEEDS if shape.get(ALONE) else beside)]
+
+    return around
+
+
+def with_damping(undamped: Closer) -> Closer:
+    """Friction of a motor alone, whose sticking may be damped, too; what it is undamped stays in sight.
+
+    A law with a damping has a longer travel than it seemed to have without: both are looked for together.
+    """
+
+    def around(shape: Shape) -> Sequence[Shape]:
+        bare = {name: value for name, value in shape.items() if name != STICK_DAMPING}
+        if not shape.get(ALONE):
+            return undamped(bare)
+        rest = {name: value for name, value in bare.items() if name != REVERSAL_SPEED}
+        found = shape.get(STICK_DAMPING)
+        even = shape.get("travel_deg", FINGER_TRAVELS_DEG[0]) / (1.0 + shape.get("sharpness", 0.0))
+        travels = CLOSING_IN[1:-1] if found else LONGER_TRAVELS
+        dampings = [found * factor**2 for factor in CLOSING_IN] if found else STICK_DAMPINGS_S
+        damped = [
+            {**rest, "travel_deg": even * factor, "sharpness": 0.0, STICK_DAMPING: damping}
+            for factor in travels
+            for damping in dampings
+        ]
+        return [*undamped(bare), *damped]
 
     return around
 

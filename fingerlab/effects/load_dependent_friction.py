@@ -6,6 +6,7 @@ from fingerlab.effects.base import (
     HALF_OCTAVE,
     OCTAVE,
     REVERSAL_SPEED,
+    STICK_DAMPING,
     Effect,
     Example,
     Formula,
@@ -32,9 +33,8 @@ MOST_SHARE = 0.5
 HELD_TRAVELS_DEG = (0.3, 0.42, 0.6, 0.85, 1.2, 1.7)
 """Travel over which teeth that are held slide at a load of REFERENCE_LOAD_NM, degrees at the pulley; assumed:
 the wind-up of a gearbox."""
-STICK_DAMPING = "stick_damping"
-"""Number of a shape, s: damping of one contact that sticks, over its stiffness (``rubbing_forces``)."""
-STICK_DAMPINGS_S = (0.002, 0.006)
+
+DAMPINGS_S = (0.002, 0.006)
 """Where it is looked for first: sigma_1 over sigma_0 of the LuGre model is 3 ms in its first paper (Canudas
 de Wit et al. 1995), half of what is critical for a mass of 1 kg; assumed within a factor of four."""
 
@@ -78,7 +78,7 @@ def columns(motion: Motion, shape: Shape) -> list[Term]:
 def _damped_contact(shape: Shape) -> list[Shape]:
     """What sticks in one contact with damping: over other travels, and between the dampings tried."""
     found = shape.get(STICK_DAMPING)
-    dampings = STICK_DAMPINGS_S if found is None else [found * factor for factor in OCTAVE[::2]]
+    dampings = DAMPINGS_S if found is None else [found * factor for factor in OCTAVE[::2]]
     as_one = 2.0 * shape["travel_deg"] / (1.0 + shape.get("sharpness", 0.0))
     one_contact = {**shape, "sharpness": 1.0, "travel_deg": as_one}
     return list(every(times("travel_deg", HALF_OCTAVE), either(STICK_DAMPING, dampings))(one_contact))

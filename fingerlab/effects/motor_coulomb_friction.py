@@ -4,11 +4,13 @@ from fingerlab.effects.base import (
     ALONE,
     BOTH_JOINTS,
     REVERSAL_SPEED,
+    STICK_DAMPING,
     Effect,
     Example,
     Formula,
     Row,
     rubbing,
+    with_damping,
 )
 from fingerlab.effects.transmission import FRICTION, MOTOR_ALONE_SHAPES, WINDING_SHAPES, coulomb_terms
 
@@ -26,20 +28,23 @@ EFFECT = Effect(
     reveal_of_an_axis="slow motion that turns round often",
     mend="Run the gearbox in and grease it, or choose a smaller ratio.",
     shapes=WINDING_SHAPES,
-    shape_units={"travel_deg": "deg", REVERSAL_SPEED: "rad/s"},
+    shape_units={"travel_deg": "deg", REVERSAL_SPEED: "rad/s", STICK_DAMPING: "s"},
     shapes_seen=lambda motions: MOTOR_ALONE_SHAPES,
     switches_seen=(ALONE,),
-    closer=rubbing(by_speed=True),
+    closer=with_damping(rubbing(by_speed=True)),
     bench=True,
     followed={"coulomb": "Motor friction, Coulomb"},
     formula=Formula(
         equation=r"\tau_m = C\,z(\theta_m;\delta)",
         symbols=(
             "C: friction torque at the gearbox output. z: friction state of the travel, −1 to 1, or the "
-            "hyperbolic tangent of the speed over v_r; both are tried."
+            "hyperbolic tangent of the speed over v_r; both are tried. Of a motor alone what sticks may be "
+            "damped: z + t_d dz/dt, as in the LuGre model."
         ),
-        source="Coulomb 1785 (Olsson et al. 1998), at the gearbox output.",
-        values={"coulomb": "C", "travel_deg": r"\delta", REVERSAL_SPEED: "v_r"},
+        source=(
+            "Coulomb 1785 (Olsson et al. 1998), at the gearbox output; damping: Canudas de Wit et al. 1995."
+        ),
+        values={"coulomb": "C", "travel_deg": r"\delta", REVERSAL_SPEED: "v_r", STICK_DAMPING: "t_d"},
         alike=("capstan_friction", "asymmetric_friction", "motor_stribeck_friction", "motor_presliding"),
     ),
     example=Example(

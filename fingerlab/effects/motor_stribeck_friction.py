@@ -12,6 +12,7 @@ from fingerlab.effects.base import (
     OCTAVE,
     REVERSAL_SPEED,
     SPEED_FACTORS,
+    STICK_DAMPING,
     Effect,
     Example,
     Formula,
@@ -21,14 +22,17 @@ from fingerlab.effects.base import (
     every,
     rubbing,
     times,
+    with_damping,
 )
 from fingerlab.effects.transmission import (
     FRICTION,
     USUAL_STICKING_DEG,
     coulomb_terms,
+    damped,
     drive_state,
     drive_terms,
 )
+from fingerlab.physics.friction_states import lagging_state
 from fingerlab.physics.motion import Motion
 
 LEAST_STRIBECK_SPEED = 0.025
@@ -39,9 +43,13 @@ SPEEDS = tuple({"stribeck_speed": value} for value in (0.1, 0.3, 0.8, 2.0))
 
 def columns(motion: Motion, shape: Shape) -> list[Term]:
     rubbing = {"travel_deg": USUAL_STICKING_DEG, **shape}
-    state = drive_state(motion, rubbing)
     slow = np.exp(-((motion.velocity / shape["stribeck_speed"]) ** 2))
-    return coulomb_terms(motion, rubbing) + drive_terms(motion, "extra", state * slow)
+    if STICK_DAMPING in shape:
+        lagging = lagging_state(motion.position, slow, float(np.radians(rubbing["travel_deg"])))
+        extra = damped(motion, lagging, shape)
+    else:
+        extra = drive_state(motion, rubbing) * slow
+    return coulomb_terms(motion, rubbing) + drive_terms(motion, "extra", extra)
 
 
 def _seen(motions: Sequence[Motion]) -> tuple[Shape, ...]:
@@ -53,6 +61,23 @@ def _with_travel(shape: Shape) -> tuple[Shape]:
     if REVERSAL_SPEED in shape:
         return (shape,)
     return ({"travel_deg": USUAL_STICKING_DEG, **shape},)
+
+
+def _undamped(shape: Shape) -> list[Shape]:
+    """Around the one found, at other Stribeck speeds, too; of a motor alone also far from it, at this one."""
+    near = rubbing(OCTAVE[1:-1], (0.0, 1.0), OCTAVE, by_speed=True, afar=False)
+    speeds = times("stribeck_speed", SPEED_FACTORS, LEAST_STRIBECK_SPEED)
+    around = list(every(_with_travel, speeds, near)(shape))
+    if shape.get(ALONE):
+        far = every(_with_travel, rubbing(OCTAVE[1:-1], (0.0, 1.0), OCTAVE))(shape)
+        around += [one for one in far if one not in around]
+    return around
+
+
+def _closer(shape: Shape) -> list[Shape]:
+    """Around the one found; where what sticks is damped, at other Stribeck speeds as well."""
+    others = times("stribeck_speed", OCTAVE[2:-2], LEAST_STRIBECK_SPEED)(shape)
+    return [*with_damping(_undamped)(shape), *(others if STICK_DAMPING in shape else [])]
 
 
 EFFECT = Effect(
@@ -72,24 +97,30 @@ EFFECT = Effect(
     reveal_of_an_axis="motion from very slow to fast",
     mend="Grease the gearbox, and keep the motor from creeping: it is largest at low speed.",
     shapes=SPEEDS,
-    shape_units={"stribeck_speed": "rad/s", REVERSAL_SPEED: "rad/s"},
+    shape_units={"stribeck_speed": "rad/s", REVERSAL_SPEED: "rad/s", STICK_DAMPING: "s"},
     shapes_seen=_seen,
     switches_seen=(ALONE,),
-    closer=every(
-        _with_travel,
-        times("stribeck_speed", SPEED_FACTORS, LEAST_STRIBECK_SPEED),
-        rubbing(OCTAVE[1:-1], (0.0, 1.0), OCTAVE, by_speed=True),
-    ),
+    closer=_closer,
     bench=True,
     formula=Formula(
         equation=r"\tau_m = z(\theta_m;\delta)\left(C + E\,e^{-(\dot\theta_m/v_s)^2}\right)",
         symbols=(
             "C: friction torque at speed. E: what is added near zero speed. v_s: Stribeck speed. z: "
             "friction state, with δ = 0.3 degrees, or the hyperbolic tangent of the speed over v_r; both "
-            "are tried."
+            "are tried. Of a motor alone what sticks may be damped: z + t_d dz/dt, and what is added near "
+            "zero speed then follows the speed over the travel δ, too, as in the LuGre model."
         ),
-        source="Stribeck 1902, with the exponential of the squared speed (Olsson et al. 1998).",
-        values={"coulomb": "C", "extra": "E", "stribeck_speed": "v_s", REVERSAL_SPEED: "v_r"},
+        source=(
+            "Stribeck 1902, with the exponential of the squared speed (Olsson et al. 1998); damping and lag: "
+            "Canudas de Wit et al. 1995."
+        ),
+        values={
+            "coulomb": "C",
+            "extra": "E",
+            "stribeck_speed": "v_s",
+            REVERSAL_SPEED: "v_r",
+            STICK_DAMPING: "t_d",
+        },
         alike=("motor_coulomb_friction", "motor_presliding"),
     ),
     example=Example(

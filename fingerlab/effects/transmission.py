@@ -7,7 +7,17 @@ from typing import Any
 
 import numpy as np
 
-from fingerlab.effects.base import ALONE, REVERSAL_SPEED, REVERSAL_SPEEDS, Effect, Row, Shape, Term, of_shape
+from fingerlab.effects.base import (
+    ALONE,
+    REVERSAL_SPEED,
+    REVERSAL_SPEEDS,
+    STICK_DAMPING,
+    Effect,
+    Row,
+    Shape,
+    Term,
+    of_shape,
+)
 from fingerlab.physics.friction_states import friction_state, rubbing_forces, slip_states, with_grid
 from fingerlab.physics.motion import Motion, nothing
 from fingerlab.physics.parameter import Parameter
@@ -194,11 +204,24 @@ def winding_state(
 
 
 def drive_state(motion: Motion, shape: Shape) -> Array:
-    """Direction in which motor and gearbox rub, in [-1, 1], (n,): by the travel, or by the speed."""
+    """Direction in which motor and gearbox rub, (n,), in [-1, 1]: by the travel, or by the speed.
+
+    Where what sticks is damped, it is more than that while it winds up.
+    """
     if REVERSAL_SPEED in shape:
         width = shape[REVERSAL_SPEED]
         return motion.remember(("by speed", width), lambda: np.tanh(motion.velocity / width))
-    return winding_state(motion, shape.get("travel_deg", USUAL_STICKING_DEG), shape.get("sharpness", 0.0))
+    travel, sharpness = shape.get("travel_deg", USUAL_STICKING_DEG), shape.get("sharpness", 0.0)
+    state = winding_state(motion, travel, sharpness)
+    if STICK_DAMPING not in shape:
+        return state
+    key = ("damped", travel, sharpness, shape[STICK_DAMPING])
+    return motion.remember(key, lambda: damped(motion, state, shape))
+
+
+def damped(motion: Motion, state: Array, shape: Shape) -> Array:
+    """A friction state, (n,), with the damping of what sticks beside its spring (LuGre's sigma_1)."""
+    return state + shape[STICK_DAMPING] * motion.sample_rate_hz * np.gradient(state)
 
 
 def turning_with(motion: Motion, order: float) -> Any:

@@ -197,9 +197,23 @@ def dahl_states(position: Array, travels: Sequence[float] | Array) -> Array:
     dz/dx = (1 - z sign(v)) / travel (Dahl 1968, exponent 1), so that over a step dx the state
     relaxes towards sign(dx) by exp(-|dx| / travel).
     """
+    return _relaxed_along(position, np.ones(1), travels)
+
+
+def lagging_state(position: Array, level: Array, travel: float) -> Array:
+    """Friction, (n,), that follows a changing level (n,) over a travel: dz/dx = (level sign(v) - z) / travel.
+
+    What the LuGre model (Canudas de Wit et al. 1995) makes of a friction that falls with the speed, to the
+    first order in the fall: at a reversal the bristles have to be bent before any speed makes them let go.
+    """
+    return np.asarray(_relaxed_along(position, level, [travel])[0])
+
+
+def _relaxed_along(position: Array, level: Array, travels: Sequence[float] | Array) -> Array:
+    """States that relax towards ``level`` in the direction of travel, (m, n), one a travel, from zero."""
     change = np.diff(position, prepend=position[:1])
     kept = np.exp(-np.abs(change) / _column(travels))
-    decay, drive = _blocked(kept), _blocked(np.sign(change) * (1.0 - kept))
+    decay, drive = _blocked(kept), _blocked(level * np.sign(change) * (1.0 - kept))
     return _joined(_relaxed(decay, drive), len(position))
 
 

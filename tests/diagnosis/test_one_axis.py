@@ -26,8 +26,10 @@ Law = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 """Torque (N m) by angle, speed and acceleration."""
 
 
-def machine(law: Law, motions: Sequence[Sequence[tuple[float, float]]], lead_s: float = 0.0) -> Session:
-    """Runs whose torque, by a law of the motion, is logged so much before its position."""
+def machine(
+    law: Law, motions: Sequence[Sequence[tuple[float, float]]], lead_s: float = 0.0, noise: float = 5e-3
+) -> Session:
+    """Runs whose torque, by a law of the motion and with noise, is logged so much before its position."""
     time, runs = np.arange(round(SECONDS * RATE_HZ)) / RATE_HZ, []
 
     def motion(at: np.ndarray, parts: Sequence[tuple[float, float]]) -> list[np.ndarray]:
@@ -43,7 +45,7 @@ def machine(law: Law, motions: Sequence[Sequence[tuple[float, float]]], lead_s: 
         torque = law(*motion(time + lead_s, parts))
         channels = {
             "motor_position": motion(time, parts)[0] + 1e-5 * rng.standard_normal(len(time)),
-            "motor_torque": torque + 5e-3 * torque.std() * rng.standard_normal(len(time)),
+            "motor_torque": torque + noise * torque.std() * rng.standard_normal(len(time)),
         }
         told = {"phase": "motor_bench", "cable": "none", "sample_rate_hz": RATE_HZ}
         runs.append(Run.from_arrays(channels, name=f"{number:03}", **told))
@@ -94,3 +96,65 @@ def test_a_weight_through_full_turns_is_as_heavy_as_it_is() -> None:
     assert said.final_model == ("torque_ripple",)
     sine, cosine = (said.final_parameters[f"torque_ripple.{part}"].value for part in ("sine", "cosine"))
     assert (sine, cosine) == pytest.approx((1.2 * np.cos(0.3), 1.2 * np.sin(0.3)), rel=0.01)
+
+
+TRAVEL, DAMPING_S, DRY, VISCOUS = 4e-3, 5e-3, 0.12, 0.02
+"""Of a LuGre friction: travel (rad) and damping (s) of its bristles, friction (N m) and what grows with the
+speed (N m s/rad)."""
+STROKES: tuple[Sequence[tuple[float, float]], ...] = (
+    [(0.5, 0.5), (0.2, 1.5)], [(0.4, 0.6), (0.25, 1.2)], [(0.6, 0.4), (0.3, 0.8)]
+)  # fmt: skip
+
+
+def lugre(extra: float, stribeck_speed: float) -> Law:
+    """Inertia and LuGre friction (Canudas de Wit et al. 1995) that falls from DRY + extra to DRY.
+
+    Between samples the bristles relax towards the friction of the moment, exactly.
+    """
+
+    def law(angle: np.ndarray, speed: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
+        level = 1.0 + extra / DRY * np.exp(-((speed / stribeck_speed) ** 2))
+        bent, states = 0.0, np.zeros(len(angle))
+        for k in range(1, len(angle)):
+            step = angle[k] - angle[k - 1]
+            kept = np.exp(-abs(step) / (TRAVEL * level[k]))
+            bent = kept * bent + (1.0 - kept) * level[k] * np.sign(step)
+            states[k] = bent
+        bending = speed - np.abs(speed) * states / level
+        friction = DRY * (states + DAMPING_S * bending / TRAVEL)
+        return inert(angle, speed, acceleration) + friction + VISCOUS * speed
+
+    return law
+
+
+def test_bristles_with_damping_are_coulomb_friction_and_not_stribeck() -> None:
+    """Their damping looks like friction that is larger near standstill; both had been told, side by side."""
+    said = diagnose([machine(lugre(0.0, 1.0), STROKES, noise=0.05)], with_curves=False)
+    assert set(said.final_model) == {"motor_coulomb_friction", "motor_viscous_friction"}
+    assert said.path[-1].score < 1.3  # of 120
+    found = {name: one.value for name, one in said.final_parameters.items()}
+    assert found["motor_coulomb_friction.coulomb"] == pytest.approx(DRY, rel=0.03)
+    assert found["motor_viscous_friction.viscous"] == pytest.approx(VISCOUS, rel=0.05)
+
+
+def test_stribeck_friction_stands_alone_without_the_coulomb_friction_that_it_contains() -> None:
+    said = diagnose([machine(lugre(0.08, 0.4), STROKES, noise=0.05)], with_curves=False)
+    assert set(said.final_model) == {"motor_stribeck_friction", "motor_viscous_friction"}
+    found = {name: one.value for name, one in said.final_parameters.items()}
+    assert found["motor_stribeck_friction.coulomb"] == pytest.approx(DRY, rel=0.05)
+    assert found["motor_stribeck_friction.extra"] == pytest.approx(0.08, rel=0.2)
+
+
+SPINS: tuple[Sequence[tuple[float, float]], ...] = ([(15.0, 1.0)], [(30.0, 0.4)], [(20.0, 0.7)])
+
+
+def test_of_a_rotor_that_spins_viscous_friction_is_no_trace() -> None:
+    """As much as passes unsaid at the thesis' speeds brakes a rotor of 80 g cm^2 in a third of a second."""
+    inertia, viscous = 8e-5, 2e-4
+
+    def law(angle: np.ndarray, speed: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
+        return inertia * acceleration + viscous * speed
+
+    said = diagnose([machine(law, SPINS)], with_curves=False)
+    assert said.final_model == ("motor_viscous_friction",)
+    assert said.final_parameters["motor_viscous_friction.viscous"].value == pytest.approx(viscous, rel=0.02)

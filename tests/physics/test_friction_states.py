@@ -9,6 +9,7 @@ from scipy.signal import lsim
 from fingerlab.effects.base import STEEP
 from fingerlab.physics.friction_states import (
     dahl_states,
+    lagging_state,
     first_order_lags,
     friction_state,
     rubbing_forces,
@@ -257,3 +258,13 @@ def test_what_sticks_is_damped_and_holds_no_more_than_its_limit() -> None:
     np.testing.assert_allclose(force[sticks], (spring + 100.0 * 0.02 * speed)[sticks])
     assert float(np.abs(force).max()) == 5.0
     assert force[np.searchsorted(time, 0.9)] == 5.0  # 9 N of stretch would be more than it holds
+
+
+def test_a_friction_that_falls_follows_over_the_travel() -> None:
+    """Up as 1 - exp(-x/d) under a level of one, and down from there as exp(-x/d) when the level is gone."""
+    travel, way = 0.3, np.linspace(0.0, 2.0, 401)
+    level = (way <= 1.0).astype(float)
+    top = 1.0 - np.exp(-1.0 / travel)
+    expected = np.where(way <= 1.0, 1.0 - np.exp(-way / travel), top * np.exp(-(way - 1.0) / travel))
+    assert lagging_state(way, level, travel) == pytest.approx(expected, abs=1e-12)
+    assert lagging_state(-way, level, travel) == pytest.approx(-expected, abs=1e-12)

@@ -98,11 +98,16 @@ def of_the_user(effect: Effect) -> bool:
 
 
 def layout_of(
-    motion: Motion, session: Session, effects: Sequence[Effect], beside_finger: bool = False
+    motion: Motion,
+    session: Session,
+    effects: Sequence[Effect],
+    beside_finger: bool = False,
+    speed: float = 0.0,
 ) -> Layout:
     """The features in the order in which :func:`all_columns` gives them.
 
-    ``beside_finger``: if it is a run of the motor alone, the motor is that of a finger's runs.
+    ``beside_finger``: if it is a run of the motor alone, the motor is that of a finger's runs. ``speed``: see
+    :func:`nuisance_ranges`.
     """
     features: list[Feature] = []
     signals: list[int] = []
@@ -123,7 +128,7 @@ def layout_of(
         signals.append(place)
     rate = min((run.sample_rate_hz for run in session.runs), default=math.inf)
     return Layout(
-        tuple(features), nuisance_ranges(session.rig, rate), tuple(effects), np.arange(base),
+        tuple(features), nuisance_ranges(session.rig, rate, speed), tuple(effects), np.arange(base),
         np.array(signals), spread_of(session.rig),
     )  # fmt: skip
 

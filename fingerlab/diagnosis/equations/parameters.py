@@ -29,6 +29,7 @@ from fingerlab.diagnosis.settings import (
     USUAL_LAG_S,
     USUAL_LAG_SAMPLES,
     USUAL_RATIOS,
+    USUAL_SPEED,
     USUAL_SPREAD,
 )
 from fingerlab.diagnosis.signals.scales import Scales
@@ -82,14 +83,15 @@ IN_CONTACT = ("force_gain", "lateral", SET_DOWN, "lateral_spring", RUBS, *SLIPS,
 """What a finger that touches nothing says nothing of."""
 
 
-def nuisance_ranges(rig: Rig, rate: float = math.inf) -> dict[str, Parameter]:
+def nuisance_ranges(rig: Rig, rate: float = math.inf, speed: float = 0.0) -> dict[str, Parameter]:
     """Plausible range of every unknown that each model carries; ``typical`` is one standard deviation.
 
     Constants of the rig move within 2.5 tolerances and no further: a prior alone lets a mass absorb what
     it should not.
 
     Args:
-        rate: samples a second, of the run that has fewest.
+        rate: samples a second, of the run that has fewest. speed: of a machine of one axis in the run that
+            moves fastest, rad/s, root mean square; 0: as the thesis' motor moves.
     """
     lag = max(USUAL_LAG_S, USUAL_LAG_SAMPLES / rate)
     bench = BENCH_RANGES | {
@@ -99,6 +101,9 @@ def nuisance_ranges(rig: Rig, rate: float = math.inf) -> dict[str, Parameter]:
     }
     if rig.motor.inertia is not None:
         bench["bench_trace"] = _trace_of(rig.motor.inertia)
+    elif speed > USUAL_SPEED:  # a trace is what takes a trace of the torque, however fast the machine turns
+        usual, share = bench["bench_trace"], USUAL_SPEED / speed
+        bench["bench_trace"] = replace(usual, high=usual.high * share, typical=usual.typical * share)
     if rig.finger is None:
         return bench
     zero = rig.motor.torque_constant * rig.motor.gear_ratio * CURRENT_ZERO_A

@@ -69,7 +69,13 @@ from fingerlab.diagnosis.signals.reading_errors import (
     with_run_zeros,
     zero_in_the_air,
 )
-from fingerlab.diagnosis.signals.scales import Scales, as_recorded, find_scales, reduced_sessions
+from fingerlab.diagnosis.signals.scales import (
+    Scales,
+    as_recorded,
+    fastest_speed,
+    find_scales,
+    reduced_sessions,
+)
 from fingerlab.diagnosis.signals.segments import (
     ChannelSigns,
     check_senses,
@@ -443,9 +449,15 @@ class Reduction:
             known = next(self._cache.segments(number), None)
             motion = known.motion if known is not None else next(segments_of(run, session.rig))
             beside = len(set(kinds)) == 2
-            found = layout_of(motion.head(), session, effects, beside_finger=beside)
+            speed = self._speed if self.on_bench else 0.0
+            found = layout_of(motion.head(), session, effects, beside, speed)
             layouts[on_bench] = replace(found, scales=self.scales, late_torque=self.late_torque)
         return layouts
+
+    @cached_property
+    def _speed(self) -> float:
+        """Of the fastest run, rad/s."""
+        return fastest_speed([run for _, run in self.pairs])
 
     def _reduced(
         self,

@@ -28,6 +28,7 @@ from fingerlab.diagnosis.score.fitted_model import (
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.score.selection import (
     justified,
+    lacks_fit,
     least_fall,
     log_odds_among,
     redundant_steps,
@@ -36,6 +37,7 @@ from fingerlab.diagnosis.search.next_effect import climb_grid, judge_all, off_it
 from fingerlab.diagnosis.search.path import forward_selection, worth_adding
 from fingerlab.diagnosis.settings import (
     DECIDING_LOG_ODDS,
+    FAR_LEFT,
     FOLLOWING_ROUNDS,
     FULL_ITERATIONS,
     LEAST_NEAR_SHAPES,
@@ -121,6 +123,7 @@ def refine_grid(
         of_shapes = fitted = reduction.remember(finer, places, partial(_best_of_finer, scorer, finer, places))
         scorer, fitted = _iterate_dependent_shapes(reduction, scorer, fitted, watch)
         moved = bool(_moved_shapes(of_shapes)) or any(map(_is_another_law, fitted.choices, began))
+        moved = moved or any(map(_went_to_an_edge, fitted.choices, began))
         off_grid = any(map(_is_beyond_grid, fitted.choices, found.choices))
         again = passed < SHAPE_PASSES and moved
         if not again and not (off_grid and [c.shape for c in fitted.choices] != places):
@@ -163,6 +166,17 @@ def _is_beyond_grid(one: Choice, found: Choice) -> bool:
     """Whether a choice goes by a law that no point of the grid has from which it was found."""
     grid = found.effect
     return one.effect.law_at(one.shape) not in {grid.law_at(i) for i in range(len(grid.shapes))}
+
+
+def _went_to_an_edge(one: Choice, began: Choice) -> bool:
+    """Whether a number of its shape has come to the end of those that were looked at: it may go further."""
+    effect, law = one.effect, one.effect.law_at(one.shape)
+    if one.shape == began.shape:
+        return False
+    found, start = effect.shapes[one.shape], effect.shapes[began.shape]
+    same = [shape for i, shape in enumerate(effect.shapes) if effect.law_at(i) == law]
+    ends = {name: [pick(shape[name] for shape in same) for pick in (min, max)] for name in law}
+    return any(found[name] != start.get(name) and found[name] in ends[name] for name in law)
 
 
 def _is_another_law(one: Choice, other: Choice) -> bool:
@@ -317,6 +331,38 @@ def with_plainer_end(
         plainer = [e for e in catalogue if holds(law, e) and e.id not in steps[-1].effect_ids]
         for effect in plainer:
             scorer, steps = _plainer_at(reduction, scorer, steps, place, effect, watch)
+    return scorer, steps
+
+
+def without_contained_laws(
+    reduction: Reduction, scorer: Scorer, path: Sequence[FittedModel], watch: Watch
+) -> tuple[Scorer, list[FittedModel]]:
+    """The path without laws that another one of it contains, where that does as well alone, refined.
+
+    Beside each other two laws share what is one friction, each at a shape of its own, and both together mend
+    what the shape of one lacks. They stay where one leaves more than any friction's own law does.
+    """
+    steps = list(path)
+    for contained in path[-1].choices[len(path[0].choices) :]:
+        end = steps[-1]
+        larger = next((c for c in end.choices if holds(c.effect, contained.effect)), None)
+        if larger is None:
+            continue
+        place = end.effect_ids.index(contained.effect.id)
+        others = [c for k, c in enumerate(end.choices) if k != place and c is not larger]
+        others.insert(min(place, end.choices.index(larger)), larger)
+        fewer = [
+            scorer.fit(others[:k], end, LOOKING_ITERATIONS)
+            for k in range(len(path[0].choices) + 1, len(others))
+        ]
+        begun = scorer.fit_reweighted(others, end)
+        by, shorter = refine_path(reduction, [path[0], *fewer, begun], watch)
+        if len(shorter) >= len(steps):
+            continue
+        both = _with_last(scorer, end, place, end.weights)
+        alone = by.score_held_out(by.fit(shorter[-1].choices, shorter[-1], FULL_ITERATIONS, end.weights))
+        if not (justified(alone, both) and lacks_fit(alone, FAR_LEFT)):
+            scorer, steps = by, shorter
     return scorer, steps
 
 

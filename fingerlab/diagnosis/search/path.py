@@ -63,7 +63,11 @@ def forward_selection(
             explains = other[-1].misfit < (1.0 - NEXT_SHARE) * found[-1].misfit
             if explains or len(other) < len(found):
                 ends.append((scorer.deviance(other[-1]), other))
-        _, found = min(ends, key=lambda end: end[0])
+        _, likeliest = min(ends, key=lambda end: end[0])
+        if likeliest is not found and len(likeliest) > 2:
+            ordered = _reordered(scorer, likeliest)
+            return likeliest if redundant_steps(ordered) else ordered
+        return likeliest
     return found
 
 
@@ -121,7 +125,7 @@ def _forward(
     kept = one_more_each(steps[:sound], keep)
     if kept is None:
         present = weights[sound - 1]
-        steps = _refitted_steps(scorer, steps[sound - 1], keep)
+        steps = _reordered(scorer, [steps[0], steps[sound - 1]])
         weights = [present] * len(steps)
     else:
         steps, weights = [steps[k] for k in kept], [weights[k] for k in kept]

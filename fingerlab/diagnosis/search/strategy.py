@@ -36,6 +36,7 @@ from fingerlab.diagnosis.search.grid_refinement import (
     holds,
     refine_path,
     with_plainer_end,
+    without_contained_laws,
 )
 from fingerlab.diagnosis.search.joint_search import path_beside_slack, path_of_many
 from fingerlab.diagnosis.search.next_effect import judge_all, rescore
@@ -149,7 +150,10 @@ def search_effects(question: Question, begun: Begun) -> Found:
         if len(path) == 1 and evidence.verdict == Verdict.MISSING_EFFECT:
             evidence = with_best_unconfirmed(evidence)
     if refined is not None:
-        watch, laws = question.stages.part(0.97, 0.98), path[-1].effect_ids
+        watch = question.stages.part(0.97, 0.98)
+        refined, path = without_contained_laws(question.reduction, refined, path, watch)
+        evidence = _with_law_of_path(evidence, path[-1])
+        laws = path[-1].effect_ids
         refined, path = with_plainer_end(question.reduction, question.catalogue, refined, path, watch)
         for law, plainer in zip(laws, path[-1].effect_ids, strict=True):
             evidence = evidence if law == plainer else exchanged(evidence, law, plainer)
@@ -177,6 +181,18 @@ def search_effects(question: Question, begun: Begun) -> Found:
     if not all(group.repeats for group in scorer.reduced.groups):
         found = _in_floors(question, found)
     return _with_what_could_hide(found)
+
+
+def _with_law_of_path(evidence: Evidence, end: FittedModel) -> Evidence:
+    """The evidence; where beside others a law stands that contains the likeliest one effect, with that.
+
+    By itself the plain law may be likelier: what the larger one has more, the others tell.
+    """
+    best = evidence.best.last_effect if evidence.candidates else None
+    if best is None or best.id in end.effect_ids:
+        return evidence
+    larger = (c.effect.id for c in end.choices if holds(c.effect, best))
+    return next((exchanged(evidence, best.id, name) for name in larger), evidence)
 
 
 def _of_likeliest(

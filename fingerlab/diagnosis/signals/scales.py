@@ -196,22 +196,35 @@ def _pace(run: Run, turns: bool = False) -> float:
     if frequency is not None:
         swing = math.radians(float(amplitude)) if isinstance(amplitude, int | float) else 0.0
         return 2.0 * math.pi * frequency * max(1.0, abs(swing) / math.sqrt(2.0) / USUAL_TRAVEL)
+    pace, travel, turned = _motion_of(run)
+    if not (turns and turned):
+        pace *= max(1.0, travel / USUAL_TRAVEL)
+    return max(pace, _torque_pace(run)) if turned else pace
+
+
+def fastest_speed(runs: Sequence[Run]) -> float:
+    """Speed of the motor in the run that moves fastest, root mean square, rad/s; 0 where nothing moves."""
+    motions = [_motion_of(run) for run in runs]
+    return max((pace * travel for pace, travel, _ in motions), default=0.0)
+
+
+def _motion_of(run: Run) -> tuple[float, float, bool]:
+    """Speed over travel (rad/s per rad) and travel (rad) of a motor, both root mean square, by the strongest
+    lines of its motion; and whether it has gone round. Zeros where it does not move.
+    """
     position = _moving(run, "motor_position")
     if not len(position) or is_still(position):
-        return 0.0
+        return 0.0, 0.0, False
     moved = position - position.mean()
     power = np.abs(np.fft.rfft(moved * np.hanning(len(moved)))) ** 2
     order = np.argsort(power)[::-1]
     together = np.cumsum(power[order])
     if not together[-1] > 0:
-        return 0.0
+        return 0.0, 0.0, False
     lines = order[: int(np.searchsorted(together, MOVING_SHARE * together[-1])) + 1]
     line = 2.0 * math.pi * run.sample_rate_hz / len(position)
     pace = line * float(np.sqrt(np.sum(power[lines] * lines.astype(float) ** 2) / np.sum(power[lines])))
-    turned = np.ptp(moved) > 2.0 * math.pi
-    if not (turns and turned):
-        pace *= max(1.0, float(moved.std()) / USUAL_TRAVEL)
-    return max(pace, _torque_pace(run)) if turned else pace
+    return pace, float(moved.std()), bool(np.ptp(moved) > 2.0 * math.pi)
 
 
 def _torque_pace(run: Run) -> float:
