@@ -9,9 +9,9 @@ from scipy.signal import lsim
 from fingerlab.effects.base import STEEP
 from fingerlab.physics.friction_states import (
     dahl_states,
-    lagging_state,
     first_order_lags,
     friction_state,
+    lagging_state,
     rubbing_forces,
     slip_state,
     slip_states,
