@@ -34,7 +34,7 @@ from fingerlab.diagnosis.score.selection import (
     redundant_steps,
 )
 from fingerlab.diagnosis.search.next_effect import climb_grid, judge_all, off_its_bounds
-from fingerlab.diagnosis.search.path import forward_selection, worth_adding
+from fingerlab.diagnosis.search.path import forward_selection, reordered, worth_adding
 from fingerlab.diagnosis.settings import (
     DECIDING_LOG_ODDS,
     FAR_LEFT,
@@ -258,6 +258,14 @@ def refine_path(
         kept = [[by_id[name] for name in step.effect_ids if name in by_id] for step in chosen]
         steps = [scorer.score_held_out(scorer.fit(choices, last, FULL_ITERATIONS)) for choices in kept]
         idle = redundant_steps(steps)
+        if idle and 1 < idle[0] < len(steps) - 1:
+            # What a step needs that comes before one it was found after: others may be needless in its stead.
+            ordered = reordered(scorer, steps)
+            needless = redundant_steps(ordered)
+            if not needless:
+                return scorer, ordered
+            if needless[0] > idle[0]:
+                chosen, idle = ordered, needless
         if not idle and len(steps) > 2 and _stands_in_for_shapes(reduction, scorer, steps, watch):
             idle = [len(steps) - 1]
         if not idle or idle[0] == 1:

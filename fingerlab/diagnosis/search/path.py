@@ -65,7 +65,7 @@ def forward_selection(
                 ends.append((scorer.deviance(other[-1]), other))
         _, likeliest = min(ends, key=lambda end: end[0])
         if likeliest is not found and len(likeliest) > 2:
-            ordered = _reordered(scorer, likeliest)
+            ordered = reordered(scorer, likeliest)
             return likeliest if redundant_steps(ordered) else ordered
         return likeliest
     return found
@@ -125,7 +125,7 @@ def _forward(
     kept = one_more_each(steps[:sound], keep)
     if kept is None:
         present = weights[sound - 1]
-        steps = _reordered(scorer, [steps[0], steps[sound - 1]])
+        steps = reordered(scorer, [steps[0], steps[sound - 1]])
         weights = [present] * len(steps)
     else:
         steps, weights = [steps[k] for k in kept], [weights[k] for k in kept]
@@ -262,13 +262,13 @@ def _justified_steps(scorer: Scorer, steps: list[FittedModel], weights: list[Wei
         if not idle:
             return scored
         if idle[0] < len(steps) - 1:
-            other = _reordered(scorer, scored)
+            other = reordered(scorer, scored)
             if not redundant_steps(other):
                 return other
         steps = steps[: idle[0]]
 
 
-def _reordered(scorer: Scorer, steps: Sequence[FittedModel]) -> list[FittedModel]:
+def reordered(scorer: Scorer, steps: Sequence[FittedModel]) -> list[FittedModel]:
     """The path to the last model that begins with what is missed most."""
     keep = len(steps[0].choices)
     fitted, order = steps[-1], list[Choice]()
