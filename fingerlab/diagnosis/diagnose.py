@@ -33,6 +33,7 @@ from fingerlab.diagnosis.answer.results import (
     OtherModel,
     PairedDifference,
     PathStep,
+    SmallerModel,
 )
 from fingerlab.diagnosis.answer.row_and_score import row_and_score
 from fingerlab.diagnosis.equations.model import Choice, build
@@ -401,6 +402,7 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
         bench=bench_findings(reduction, path[-1], by_last.run_offsets(path[-1])),
         better=None if found.better is None else _other_model(question.given, found.better),
         as_good=tuple(_other_model(question.given, one) for one in _as_good(found)),
+        smaller=_smaller(question.given, found),
         budget=error_budget(evidence.base, errors, steps, path, by_last),
         row_and_score=row_and_score(scorer, evidence.base),
         titles={**titles_in(path[-1]), **titles_in(evidence.base)},
@@ -463,6 +465,17 @@ def _other_model(given: Sequence[Effect], rival: ExchangedModel) -> OtherModel:
     first, *rest = rival.added
     effects = [first if e.id == rival.removed else e.id for e in given]
     return OtherModel((rival.removed,), rival.added, (*effects, *rest), rival.fitted.score, rival.log_odds)
+
+
+def _smaller(given: Sequence[Effect], found: Found) -> SmallerModel | None:
+    """The model with one effect fewer that explains as much, where nothing is missing.
+
+    Beside what is missing an effect may look needless for that alone.
+    """
+    one, settled = found.smaller, found.evidence.verdict == Verdict.NOTHING_MISSING and found.better is None
+    if one is None or not settled:
+        return None
+    return SmallerModel(one.removed, tuple(e.id for e in given if e.id != one.removed), one.fitted.score)
 
 
 def _replacing(evidence: Evidence, rivals: Sequence[ExchangedModel]) -> dict[str, ExchangedModel]:

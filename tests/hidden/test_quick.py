@@ -110,3 +110,20 @@ def test_a_wrong_effect_that_was_added_is_offered_for_the_right_one(tmp_path: Pa
     assert answer["path"][1]["removed"] == "coulomb_friction"
     assert answer["final_model"] == ["stribeck_friction"]
     assert answer["set"][0] == answer["candidates"][0]["effect"] == "stribeck_friction"
+
+
+def test_an_effect_that_is_not_needed_beside_the_right_one_is_told(tmp_path: Path) -> None:
+    """It had been called true, although the right one alone leaves as little."""
+    path = tmp_path / "coulomb.h5"
+    run("simulate", "--protocol", "thesis", "--effect", "coulomb_friction", "--seed", "7", "--out", path)
+    both = run("diagnose", path, "--add", "coulomb_friction", "--add", "joint_coupling")
+    assert both["verdict"] == "nothing_missing"
+    assert both["smaller_model"]["remove"] == ["joint_coupling"]
+    right = run("diagnose", path, "--add", "coulomb_friction")
+    assert right["smaller_model"] is None  # the nominal model leaves four floors
+    assert both["smaller_model"]["score"] == pytest.approx(right["score"], abs=0.01)
+    added = ["--add", "coulomb_friction", "--add", "backlash"]
+    printed = CliRunner().invoke(cli, ["diagnose", str(path), *added])
+    said = " ".join(printed.stdout.split())
+    assert "Play between gearbox and pulley is not needed in it: without it the error" in said
+    assert "To take play between gearbox and pulley off: --add coulomb_friction" in said

@@ -109,6 +109,7 @@ class LabView(QWidget):
         self.candidates.chosen.connect(self._on_candidate)
         self.candidates.add_asked.connect(self.controller.add)
         self.better.exchange_asked.connect(self.controller.exchange)
+        self.better.take_off_asked.connect(self.controller.take_off)
         self.path.undo_asked.connect(self.controller.undo)
         self.path.redo_asked.connect(self.controller.redo)
         self.validation.runs.run_chosen.connect(lambda run: self.bar.go_to(self.bar.equation() or "", run))
