@@ -422,7 +422,7 @@ def needless_sentence(diagnosis: Diagnosis) -> str:
     said = f"stays at {before} {times}" if stays else f"is {after} instead of {before} {times}"
     why = "" if stays else ", too little to tell the two apart"
     title = on_the_path(diagnosis, smaller.removed)
-    return f"{title} is not needed in it: without it the error on {judged_on(diagnosis)} {said}{why}."
+    return f"{title} is not needed in the model: without it the error on {judged_on(diagnosis)} {said}{why}."
 
 
 def as_good_sentence(diagnosis: Diagnosis) -> str:

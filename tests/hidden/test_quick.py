@@ -125,5 +125,5 @@ def test_an_effect_that_is_not_needed_beside_the_right_one_is_told(tmp_path: Pat
     added = ["--add", "coulomb_friction", "--add", "backlash"]
     printed = CliRunner().invoke(cli, ["diagnose", str(path), *added])
     said = " ".join(printed.stdout.split())
-    assert "Play between gearbox and pulley is not needed in it: without it the error" in said
+    assert "Play between gearbox and pulley is not needed in the model: without it the error" in said
     assert "To take play between gearbox and pulley off: --add coulomb_friction" in said
