@@ -144,8 +144,9 @@ def test_an_effect_that_is_not_needed_is_named_and_taken_off_at_a_click(
     assert lab.view.validation.title.text() == "More than is needed: stiffness between MCP and PIP"
     assert lab.view.steps.result("true") == "more than needed: stiffness between MCP and PIP"
     said = (
-        "Stiffness between MCP and PIP is not needed in the model: without it the error on runs left out of the fit "
-        "is 1.12 instead of 1.10 times the bench's own repeatability, too little to tell the two apart."
+        "Stiffness between MCP and PIP is not needed in the model: without it the error on runs left out of "
+        "the fit is 1.12 instead of 1.10 times the bench's own repeatability, too little to tell the two "
+        "apart."
     )
     assert child(window, QLabel, "betterModelText").text() == said
     assert lab.controller.diagnosis is not None
