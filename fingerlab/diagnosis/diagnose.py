@@ -26,7 +26,14 @@ from fingerlab.diagnosis.answer.candidates import (
     titles_in,
 )
 from fingerlab.diagnosis.answer.error_parts import EquationError
-from fingerlab.diagnosis.answer.errors import equation_errors, excluded_times, held_out_runs, run_shares
+from fingerlab.diagnosis.answer.errors import (
+    equation_errors,
+    equation_floors,
+    excluded_times,
+    held_out_runs,
+    run_shares,
+    with_floors,
+)
 from fingerlab.diagnosis.answer.results import (
     Diagnosis,
     FirstLook,
@@ -37,7 +44,6 @@ from fingerlab.diagnosis.answer.results import (
 )
 from fingerlab.diagnosis.answer.row_and_score import row_and_score
 from fingerlab.diagnosis.equations.model import Choice, build
-from fingerlab.diagnosis.fit.data import Weights
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.gram.run_constants import residual_offsets
 from fingerlab.diagnosis.score.bench_constants import (
@@ -91,7 +97,7 @@ from fingerlab.effects.base import Effect
 from fingerlab.sessions.model import Array, Session
 
 if TYPE_CHECKING:
-    from fingerlab.diagnosis.answer.curves import Display
+    from fingerlab.diagnosis.answer.curves import Curves, Display
     from fingerlab.diagnosis.experiment.proposal import NextRun
 
 
@@ -182,7 +188,7 @@ def _searched(
     if given:
         settle_constants(reduction, Scorer(reduction.of([])))
         # There and in the catalogue at the shapes that fit best.
-        look = None if asked.first is None else partial(_look, asked.first, _weights_of(asked.before))
+        look = None if asked.first is None else partial(_look, asked.first, asked.before)
         alone = fit_refined(reduction, given, stages.part(0.2, 0.25), look)
         given = with_other_laws(at_found_shapes(alone[1]), catalogue)
         catalogue = with_shapes_of(catalogue, given)
@@ -215,20 +221,19 @@ def _outcome(searched: _Searched) -> tuple[FittedModel, bool]:
     return found.path[-1], found.evidence.verdict == Verdict.NOTHING_MISSING
 
 
-def _weights_of(before: Diagnosis | None) -> Weights | None:
-    """Under which an earlier answer told its error."""
-    return None if before is None or before.fitted is None else before.fitted.weights
-
-
 def _look(
-    first: Callable[[FirstLook], None], weights: Weights | None, scorer: Scorer, fitted: FittedModel
+    first: Callable[[FirstLook], None], before: Diagnosis | None, scorer: Scorer, fitted: FittedModel
 ) -> None:
     """Tell what a model leaves of the runs that its fit has not seen, in the floors of the last answer."""
-    if weights is not None:
-        fitted = scorer.fit(fitted.choices, fitted, FULL_ITERATIONS, weights)
+    known = before if before is not None and before.fitted is not None else None
+    if known is not None and known.fitted is not None:
+        fitted = scorer.fit(fitted.choices, fitted, FULL_ITERATIONS, known.fitted.weights)
         scorer = scorer.with_floor_weights()
     found = scorer.score_held_out(fitted, residuals=True)
-    first(FirstLook(tuple(found.effect_ids), found.score, equation_errors(scorer.reduced, found)))
+    errors = equation_errors(scorer.reduced, found)
+    if known is not None:
+        errors = with_floors(errors, {name: error.floor for name, error in known.errors.items()})
+    first(FirstLook(tuple(found.effect_ids), found.score, errors))
 
 
 def check_held(reduction: Reduction, scorer: Scorer, given: Sequence[Effect]) -> None:
@@ -327,7 +332,9 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
     """The answer, as it is given to others."""
     scorer, evidence, path = found.scorer, found.evidence, found.path
     verdict = evidence.verdict
-    sessions, errors = question.reduction.sessions, _errors(scorer, evidence.base)
+    reduction, by_last = question.reduction, found.refined or scorer
+    floors = equation_floors(by_last.reduced, path[-1])
+    sessions, errors = reduction.sessions, with_floors(_errors(scorer, evidence.base), floors)
     runs = [run for session in sessions for run in session.runs]
     usual = session_features(runs, errors.values(), evidence.base.score, path[-1].score)
     odds = replace(evidence.odds, ruled_out=_ruled_out(found))
@@ -337,12 +344,11 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
     stuck = at_edges(scorer, evidence, [*looked_at, *path[1:2]] if len(path) == 2 else ())
     chosen = cannot_be_ruled_out(evidence, calibration, probability)
     chosen += [i for i in stuck if i not in chosen]
-    reduction, by_last = question.reduction, found.refined or scorer
 
     def offsets(fitted: FittedModel) -> dict[tuple[str, str], Array]:
         return residual_offsets(scorer.run_offsets(fitted), reduction.runs)
 
-    curves = display.curves(scorer.reduced, evidence, offsets) if display is not None else None
+    curves = None if display is None else _curves(display, scorer, evidence, offsets, by_last, path[-1])
     replacing = _replacing(evidence, found.rivals)
     closer = {name: one.scorer.with_sensitivity(one.steps[0]) for name, one in replacing.items()}
     if found.refined is not None and found.better is None:
@@ -404,7 +410,7 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
         as_good=tuple(_other_model(question.given, one) for one in _as_good(found)),
         smaller=_smaller(question.given, found),
         budget=error_budget(evidence.base, errors, steps, path, by_last),
-        row_and_score=row_and_score(scorer, evidence.base),
+        row_and_score=row_and_score(scorer, evidence.base, errors),
         titles={**titles_in(path[-1]), **titles_in(evidence.base)},
     )
 
@@ -484,6 +490,20 @@ def _replacing(evidence: Evidence, rivals: Sequence[ExchangedModel]) -> dict[str
     whole = {c.last_effect.id: p for c, p in zip(evidence.candidates, evidence.posterior, strict=True)}
     best = {one.added[0]: one for one in reversed(rivals)}
     return {name: one for name, one in best.items() if shares[name] > REPLACING_SHARE * whole.get(name, 0.0)}
+
+
+def _curves(
+    display: Display,
+    scorer: Scorer,
+    evidence: Evidence,
+    offsets: Callable[[FittedModel], dict[tuple[str, str], Array]],
+    by_last: Scorer,
+    last: FittedModel,
+) -> Curves:
+    """What is to be drawn, with the floors of the last model."""
+    from fingerlab.diagnosis.answer.curves import FloorModel
+
+    return display.curves(scorer.reduced, evidence, offsets, FloorModel(by_last.reduced, last))
 
 
 def _display() -> Display:
