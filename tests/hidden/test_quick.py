@@ -127,3 +127,7 @@ def test_an_effect_that_is_not_needed_beside_the_right_one_is_told(tmp_path: Pat
     said = " ".join(printed.stdout.split())
     assert "Play between gearbox and pulley is not needed in the model: without it the error" in said
     assert "To take play between gearbox and pulley off: --add coulomb_friction" in said
+    # Constants come back with the friction, too; what speaks for it is an error that falls to a quarter.
+    missing = run("diagnose", path)["candidates"]
+    assert "goes from 4.08 to" in missing[0]["explanation"]
+    assert not any("rig's constants" in one["explanation"] for one in missing)
