@@ -240,6 +240,10 @@ STEPS = {
 }
 
 
+LONGEST_SCORE, SCORE_ROOM = "error 12300 × floor", 32
+"""The longest headline there is, and the room beside it, px."""
+
+
 class StepsColumn(QWidget):
     """Five steps. Signals ``chosen(step)``: the user goes to one; ``score_asked``: what is the error of?"""
 
@@ -274,6 +278,10 @@ class StepsColumn(QWidget):
             if step == "compare":
                 layout.addWidget(self.score)
             layout.addWidget(result)
+
+    def width_of_score(self) -> int:
+        """What the headline needs, px, whatever letters the system has."""
+        return self.score.fontMetrics().horizontalAdvance(LONGEST_SCORE) + SCORE_ROOM
 
     def set_results(self, results: dict[str, str]) -> None:
         """Show what each done step found; the others stay empty."""

@@ -88,7 +88,7 @@ class LabView(QWidget):
         vbox(middle, self.better, (self.below, 1), margins=(0, 4, 0, 4), spacing=4)
         parts = ((upper, 11), (middle, 9), (self.path, 4))
         self.panes = Panes("model_lab", parts, (360, 272, 100))
-        self.steps.setFixedWidth(STEPS_WIDTH)
+        self.steps.setFixedWidth(max(STEPS_WIDTH, self.steps.width_of_score()))
         layout = hbox(self, margins=(8, 8, 8, 8), spacing=8)
         left = vbox(None, self.steps, self.numbers, Spacer(1))
         layout.addLayout(left)
