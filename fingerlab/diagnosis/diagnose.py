@@ -333,8 +333,9 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
     scorer, evidence, path = found.scorer, found.evidence, found.path
     verdict = evidence.verdict
     reduction, by_last = question.reduction, found.refined or scorer
-    floors = equation_floors(by_last.reduced, path[-1])
-    sessions, errors = reduction.sessions, with_floors(_errors(scorer, evidence.base), floors)
+    first_by, told_by, told_path = _told_path(question, found)
+    floors = equation_floors(told_by.reduced, told_path[-1])
+    sessions, errors = reduction.sessions, with_floors(_errors(first_by, told_path[0]), floors)
     runs = [run for session in sessions for run in session.runs]
     usual = session_features(runs, errors.values(), evidence.base.score, path[-1].score)
     odds = replace(evidence.odds, ruled_out=_ruled_out(found))
@@ -348,7 +349,7 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
     def offsets(fitted: FittedModel) -> dict[tuple[str, str], Array]:
         return residual_offsets(scorer.run_offsets(fitted), reduction.runs)
 
-    curves = None if display is None else _curves(display, scorer, evidence, offsets, by_last, path[-1])
+    curves = None if display is None else _curves(display, scorer, evidence, offsets, told_by, told_path[-1])
     replacing = _replacing(evidence, found.rivals)
     closer = {name: one.scorer.with_sensitivity(one.steps[0]) for name, one in replacing.items()}
     if found.refined is not None and found.better is None:
@@ -409,10 +410,24 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
         better=None if found.better is None else _other_model(question.given, found.better),
         as_good=tuple(_other_model(question.given, one) for one in _as_good(found)),
         smaller=_smaller(question.given, found),
-        budget=error_budget(evidence.base, errors, steps, path, by_last),
+        budget=error_budget(told_path[0], errors, steps, told_path, told_by),
         row_and_score=row_and_score(scorer, evidence.base, errors),
         titles={**titles_in(path[-1]), **titles_in(evidence.base)},
     )
+
+
+def _told_path(question: Question, found: Found) -> tuple[Scorer, Scorer, Sequence[FittedModel]]:
+    """What scored the first and the last model of which errors by equations are told; and all of them.
+
+    A given model beside which nothing is missing is told as it was fitted on the reduction of its own
+    effects, like every refined path: so it has the same errors and floors whether it was found or given. The
+    more signals a reduction holds, the less of their noise it takes off a torque.
+    """
+    scorer = found.scorer
+    if question.alone is None or len(found.path) > 1:
+        return scorer, found.refined or scorer, [found.evidence.base, *found.path[1:]]
+    alone, fitted = question.alone
+    return alone, alone, [alone.score_held_out(fitted, residuals=True)]
 
 
 def _errors(scorer: Scorer, fitted: FittedModel) -> dict[str, EquationError]:

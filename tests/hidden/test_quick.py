@@ -131,3 +131,15 @@ def test_an_effect_that_is_not_needed_beside_the_right_one_is_told(tmp_path: Pat
     missing = run("diagnose", path)["candidates"]
     assert "goes from 4.08 to" in missing[0]["explanation"]
     assert not any("rig's constants" in one["explanation"] for one in missing)
+
+
+def test_a_model_has_the_same_errors_and_floors_whether_it_was_found_or_given(tmp_path: Path) -> None:
+    """Given, presliding had been told with twice the joint torque that it leaves, and with twice the floor."""
+    path = tmp_path / "practice.h5"
+    run("simulate", "--protocol", "rich", "--hidden", "--seed", "7", "--out", path)
+    found, given = run("diagnose", path), run("diagnose", path, "--add", "motor_presliding")
+    assert (found["final_model"], given["verdict"]) == (["motor_presliding"], "nothing_missing")
+    for name, error in given["errors"].items():
+        assert error["floor"] == pytest.approx(found["errors"][name]["floor"], rel=0.05)
+    torque = given["errors"]["joint_torque"]
+    assert torque["rmse"] / torque["floor"] == pytest.approx(found["path"][-1]["score"], abs=0.1)
