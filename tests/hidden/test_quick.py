@@ -134,7 +134,7 @@ def test_an_effect_that_is_not_needed_beside_the_right_one_is_told(tmp_path: Pat
 
 
 def test_a_model_has_the_same_errors_and_floors_whether_it_was_found_or_given(tmp_path: Path) -> None:
-    """Given, presliding had been told with twice the joint torque that it leaves, and with twice the floor."""
+    """Given, presliding had been told with twice the joint torque that it leaves, and twice the floor."""
     path = tmp_path / "practice.h5"
     run("simulate", "--protocol", "rich", "--hidden", "--seed", "7", "--out", path)
     found, given = run("diagnose", path), run("diagnose", path, "--add", "motor_presliding")
