@@ -257,6 +257,10 @@ USABLE_S = 4.0
 """A piece between two gaps counts from this length on: the diagnosis lets friction and creep find their state
 for 2 s behind a gap, and takes no stretch that is shorter than 2 s."""
 
+WHOLE_S = 3.0
+"""A run without a gap counts from this length on: of a short one the diagnosis leaves out a third, its start,
+and takes no stretch that is shorter than 2 s."""
+
 
 @dataclass
 class OpenRun:
@@ -322,15 +326,18 @@ class OpenRun:
 
     @property
     def usable(self) -> bool:
-        """Whether nothing is missing, or a piece between two gaps is long enough."""
-        return not self.gaps or self.longest >= USABLE_S * self.info.sample_rate_hz
+        """Whether the run, or a piece between two of its gaps, is long enough."""
+        least = USABLE_S if self.gaps else WHOLE_S
+        return self.longest >= least * self.info.sample_rate_hz
 
     def verdict(self, number: int) -> str:
         """What was recorded is worth, as one sentence."""
         rate = self.info.sample_rate_hz
         text = f"Run {number}: {self.writer.length / rate:.1f} s"
-        if not self.gaps:
+        if not self.gaps and self.usable:
             return f"{text}, nothing missing; usable."
+        if not self.gaps:
+            return f"{text}, nothing missing; not usable: too short, a run takes {WHOLE_S:g} s."
         gaps = "1 gap" if self.gaps == 1 else f"{self.gaps} gaps"
         text += f", {gaps} with {self.dropped} {'sample' if self.dropped == 1 else 'samples'} missing"
         if self.usable:

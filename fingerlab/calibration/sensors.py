@@ -132,11 +132,13 @@ class Move:
     Attributes:
         sweep: which pass it belongs to. mark: known value in the sensor's ``mark_unit``.
         words: what to do now.
+        at_rest: the sensor stands so before anybody touches it, as a load cell with nothing on it.
     """
 
     sweep: str
     mark: float
     words: str
+    at_rest: bool = False
 
 
 @dataclass(frozen=True)
@@ -198,7 +200,7 @@ def own_plan(sensor: Sensor, marks: Sequence[float]) -> CalibrationPlan:
         )
     if sensor.mark_unit == "kg":
         up = sorted(marks)
-        moves = [Move(LOADING, mark, _lay(mark)) for mark in up]
+        moves = [Move(LOADING, mark, _lay(mark), at_rest=mark == 0) for mark in up]
         moves += [Move(UNLOADING, mark, _lay(mark)) for mark in reversed(up[:-1])]
     else:
         words = f"Flex the {sensor.name.upper()} joint to {{}}° and hold it there."
@@ -236,7 +238,7 @@ def mark_text(sensor: Sensor, mark: float) -> str:
 
 
 def _load_cell_plan(sensor: Sensor) -> CalibrationPlan:
-    moves = [Move(LOADING, 0.0, "Take every weight off the load cell and let go of the plate.")]
+    moves = [Move(LOADING, 0.0, _lay(0.0), at_rest=True)]
     for step in range(1, 11):
         moves.append(Move(LOADING, step / 10, f"Add a 100 g weight, so that {100 * step} g lie on the cell."))
     for step in range(9, 0, -1):

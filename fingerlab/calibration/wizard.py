@@ -2,7 +2,8 @@
 
 The operator does what :attr:`Wizard.move` says. Once the reading has left the previous step and stands
 still, a hold of 15 s begins, of which the central 5 s are captured (thesis section 2.2). A reading that
-stirs meanwhile begins it anew. There is no clock and no window in here.
+stirs meanwhile begins it anew. Before the first step it has to leave where it stood, too, unless the sensor
+is at rest there. There is no clock and no window in here.
 """
 
 from __future__ import annotations
@@ -137,7 +138,7 @@ class Wizard:
     ) -> None:
         self.plan, self.timing, self.rises = plan, timing or StepTiming(), rises
         self.captures: list[Capture] = []
-        self.phase = Phase.SETTLE
+        self.phase = Phase.SETTLE if plan.moves[0].at_rest else Phase.CHANGE
         self.stillness = Stillness("none", float("nan"))
         self.time: Array = np.empty(0)
         self.volts: Array = np.empty(0)
@@ -214,7 +215,6 @@ class Wizard:
     def take_as_it_is(self) -> None:
         """The reading need not leave the last step: the operator says that what is asked for is done."""
         if self.phase is Phase.CHANGE:
-            self._left_behind = None
             self.phase = Phase.SETTLE
 
     def undo(self) -> None:
@@ -261,15 +261,19 @@ class Wizard:
         tolerance = SHARE * self.plan.spacing_volts
         recent = slice(-64, None)  # more than the two seconds that are judged
         self.stillness = judge(self.time[recent], self.volts[recent], tolerance)
-        left = self.plan.spacing_volts * LEFT
-        if self.phase is Phase.CHANGE and (
-            self._left_behind is None or abs(value - self._left_behind) > left
-        ):
+        if self._left_behind is None and np.isfinite(value):
+            self._left_behind = value  # before the first step: where the sensor stood
+        if self.phase is Phase.CHANGE and self._has_left(value):
             self.phase = Phase.SETTLE
         if self.phase is Phase.SETTLE and self.light == "stable":
             self.phase, self._hold = Phase.HOLD, moment
         if self.phase is Phase.HOLD:
             self._hold_on(moment, 2.0 * tolerance)
+
+    def _has_left(self, value: float) -> bool:
+        """Whether a reading (V) is no longer that of the last step; nothing is, before there is one."""
+        left = self.plan.spacing_volts * LEFT
+        return self._left_behind is not None and abs(value - self._left_behind) > left
 
     def _hold_on(self, moment: float, tolerance: float) -> None:
         assert self._hold is not None
@@ -296,7 +300,7 @@ class Wizard:
     def _accept(self, capture: Capture) -> None:
         self.captures.append(capture)
         if self.number == len(self.plan.moves):
-            self.phase, self._hold, self._left_behind = Phase.DONE, None, None
+            self.phase, self._hold = Phase.DONE, None
         else:
             self._await(capture.step.volts)
 

@@ -37,7 +37,7 @@ from fingerlab.report.comparison_words import (
     pairs_json,
     pairs_sentence,
 )
-from fingerlab.report.page_tables import compared_rows, error_rows, judged_as_they_stand
+from fingerlab.report.page_tables import compared_rows, error_rows, force_got_worse, judged_as_they_stand
 from fingerlab.sessions import Session, open_session, refuse_twice
 from fingerlab.signals.run_pairs import compare_sessions
 
@@ -145,6 +145,8 @@ def _print(result: ModelComparison) -> None:
     console.print(table)
     if any(m.errors for m in result.models):
         console.print(_equations(result))
+    if force_got_worse(result):
+        console.print(force_got_worse(result), soft_wrap=True)
     if judged_as_they_stand(result):
         console.print(judged_as_they_stand(result), soft_wrap=True)
 

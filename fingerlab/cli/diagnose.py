@@ -256,6 +256,7 @@ def _print(result: Diagnosis, arc: str, budget: bool) -> None:
         console.print(Text(paired_sentence(result)))
     if words.worth_adding(result):
         console.print(Text(path_sentence(result)))
+    if how_to_add(result):
         console.print(Text(how_to_add(result)))
     if result.bench:
         console.print(Text("\nThe bench:"))

@@ -53,6 +53,7 @@ from fingerlab.prediction.target import ContactPose, pose_by_hand, pose_of_run, 
 from fingerlab.prediction.trial import CAUSES, Trial, analyse_trial, trial_json
 from fingerlab.report.comparison_words import result_sentences, trial_row
 from fingerlab.report.diagnosis_words import effect_title, in_sentence
+from fingerlab.report.page_tables import worse_force_sentence
 from fingerlab.sessions import Session, content_hash, open_session
 from fingerlab.signals.periods import REGION_TITLES
 from fingerlab.thesis.contact import ContactRun, SessionPrediction, parameter_sets, predict_session
@@ -259,6 +260,10 @@ def _print_with_effects(session: Session, model: ExtendedModel, result: Extended
             cells = _cells(EFFECT_COLUMNS, partial(spread_over, tried, equation))
             table.add_row(name, EQUATION_WORDS[equation], *cells)
     console.print(table)
+    others = {f"the {name} model": runs for name, runs in result.runs.items() if name != "nominal"}
+    worse = worse_force_sentence(result.runs["nominal"], others)
+    if worse:
+        console.print(worse, soft_wrap=True)
     _print_intervals(console, result)
     if not all(run.held_out for run in runs) and np.isfinite(runs[0].half_width):
         holds = HOLDS_FROM <= interval_over(runs)[1] <= HOLDS_TO

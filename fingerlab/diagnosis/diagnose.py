@@ -26,17 +26,24 @@ from fingerlab.diagnosis.answer.candidates import (
     titles_in,
 )
 from fingerlab.diagnosis.answer.error_parts import EquationError
-from fingerlab.diagnosis.answer.errors import equation_errors, excluded_times, held_out_runs, run_shares
+from fingerlab.diagnosis.answer.errors import (
+    equation_errors,
+    equation_floors,
+    excluded_times,
+    held_out_runs,
+    run_shares,
+    with_floors,
+)
 from fingerlab.diagnosis.answer.results import (
     Diagnosis,
     FirstLook,
     OtherModel,
     PairedDifference,
     PathStep,
+    SmallerModel,
 )
 from fingerlab.diagnosis.answer.row_and_score import row_and_score
 from fingerlab.diagnosis.equations.model import Choice, build
-from fingerlab.diagnosis.fit.data import Weights
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.gram.run_constants import residual_offsets
 from fingerlab.diagnosis.score.bench_constants import (
@@ -90,7 +97,7 @@ from fingerlab.effects.base import Effect
 from fingerlab.sessions.model import Array, Session
 
 if TYPE_CHECKING:
-    from fingerlab.diagnosis.answer.curves import Display
+    from fingerlab.diagnosis.answer.curves import Curves, Display
     from fingerlab.diagnosis.experiment.proposal import NextRun
 
 
@@ -181,7 +188,7 @@ def _searched(
     if given:
         settle_constants(reduction, Scorer(reduction.of([])))
         # There and in the catalogue at the shapes that fit best.
-        look = None if asked.first is None else partial(_look, asked.first, _weights_of(asked.before))
+        look = None if asked.first is None else partial(_look, asked.first, asked.before)
         alone = fit_refined(reduction, given, stages.part(0.2, 0.25), look)
         given = with_other_laws(at_found_shapes(alone[1]), catalogue)
         catalogue = with_shapes_of(catalogue, given)
@@ -214,20 +221,19 @@ def _outcome(searched: _Searched) -> tuple[FittedModel, bool]:
     return found.path[-1], found.evidence.verdict == Verdict.NOTHING_MISSING
 
 
-def _weights_of(before: Diagnosis | None) -> Weights | None:
-    """Under which an earlier answer told its error."""
-    return None if before is None or before.fitted is None else before.fitted.weights
-
-
 def _look(
-    first: Callable[[FirstLook], None], weights: Weights | None, scorer: Scorer, fitted: FittedModel
+    first: Callable[[FirstLook], None], before: Diagnosis | None, scorer: Scorer, fitted: FittedModel
 ) -> None:
     """Tell what a model leaves of the runs that its fit has not seen, in the floors of the last answer."""
-    if weights is not None:
-        fitted = scorer.fit(fitted.choices, fitted, FULL_ITERATIONS, weights)
+    known = before if before is not None and before.fitted is not None else None
+    if known is not None and known.fitted is not None:
+        fitted = scorer.fit(fitted.choices, fitted, FULL_ITERATIONS, known.fitted.weights)
         scorer = scorer.with_floor_weights()
     found = scorer.score_held_out(fitted, residuals=True)
-    first(FirstLook(tuple(found.effect_ids), found.score, equation_errors(scorer.reduced, found)))
+    errors = equation_errors(scorer.reduced, found)
+    if known is not None:
+        errors = with_floors(errors, {name: error.floor for name, error in known.errors.items()})
+    first(FirstLook(tuple(found.effect_ids), found.score, errors))
 
 
 def check_held(reduction: Reduction, scorer: Scorer, given: Sequence[Effect]) -> None:
@@ -326,7 +332,10 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
     """The answer, as it is given to others."""
     scorer, evidence, path = found.scorer, found.evidence, found.path
     verdict = evidence.verdict
-    sessions, errors = question.reduction.sessions, _errors(scorer, evidence.base)
+    reduction, by_last = question.reduction, found.refined or scorer
+    first_by, told_by, told_path = _told_path(question, found)
+    floors = equation_floors(told_by.reduced, told_path[-1])
+    sessions, errors = reduction.sessions, with_floors(_errors(first_by, told_path[0]), floors)
     runs = [run for session in sessions for run in session.runs]
     usual = session_features(runs, errors.values(), evidence.base.score, path[-1].score)
     odds = replace(evidence.odds, ruled_out=_ruled_out(found))
@@ -336,12 +345,11 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
     stuck = at_edges(scorer, evidence, [*looked_at, *path[1:2]] if len(path) == 2 else ())
     chosen = cannot_be_ruled_out(evidence, calibration, probability)
     chosen += [i for i in stuck if i not in chosen]
-    reduction, by_last = question.reduction, found.refined or scorer
 
     def offsets(fitted: FittedModel) -> dict[tuple[str, str], Array]:
         return residual_offsets(scorer.run_offsets(fitted), reduction.runs)
 
-    curves = display.curves(scorer.reduced, evidence, offsets) if display is not None else None
+    curves = None if display is None else _curves(display, scorer, evidence, offsets, told_by, told_path[-1])
     replacing = _replacing(evidence, found.rivals)
     closer = {name: one.scorer.with_sensitivity(one.steps[0]) for name, one in replacing.items()}
     if found.refined is not None and found.better is None:
@@ -401,10 +409,25 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
         bench=bench_findings(reduction, path[-1], by_last.run_offsets(path[-1])),
         better=None if found.better is None else _other_model(question.given, found.better),
         as_good=tuple(_other_model(question.given, one) for one in _as_good(found)),
-        budget=error_budget(evidence.base, errors, steps, path, by_last),
-        row_and_score=row_and_score(scorer, evidence.base),
+        smaller=_smaller(question.given, found),
+        budget=error_budget(told_path[0], errors, steps, told_path, told_by),
+        row_and_score=row_and_score(scorer, evidence.base, errors),
         titles={**titles_in(path[-1]), **titles_in(evidence.base)},
     )
+
+
+def _told_path(question: Question, found: Found) -> tuple[Scorer, Scorer, Sequence[FittedModel]]:
+    """What scored the first and the last model of which errors by equations are told; and all of them.
+
+    A given model beside which nothing is missing is told as it was fitted on the reduction of its own
+    effects, like every refined path: so it has the same errors and floors whether it was found or given. The
+    more signals a reduction holds, the less of their noise it takes off a torque.
+    """
+    scorer = found.scorer
+    if question.alone is None or len(found.path) > 1:
+        return scorer, found.refined or scorer, [found.evidence.base, *found.path[1:]]
+    alone, fitted = question.alone
+    return alone, alone, [alone.score_held_out(fitted, residuals=True)]
 
 
 def _errors(scorer: Scorer, fitted: FittedModel) -> dict[str, EquationError]:
@@ -465,12 +488,37 @@ def _other_model(given: Sequence[Effect], rival: ExchangedModel) -> OtherModel:
     return OtherModel((rival.removed,), rival.added, (*effects, *rest), rival.fitted.score, rival.log_odds)
 
 
+def _smaller(given: Sequence[Effect], found: Found) -> SmallerModel | None:
+    """The model with one effect fewer that explains as much, where nothing is missing.
+
+    Beside what is missing an effect may look needless for that alone.
+    """
+    one, settled = found.smaller, found.evidence.verdict == Verdict.NOTHING_MISSING and found.better is None
+    if one is None or not settled:
+        return None
+    return SmallerModel(one.removed, tuple(e.id for e in given if e.id != one.removed), one.fitted.score)
+
+
 def _replacing(evidence: Evidence, rivals: Sequence[ExchangedModel]) -> dict[str, ExchangedModel]:
     """Rivals whose effect is rather in place of a given one than missing beside it, by its id."""
     shares = shares_of_rivals(odds_of_rivals(rivals))
     whole = {c.last_effect.id: p for c, p in zip(evidence.candidates, evidence.posterior, strict=True)}
     best = {one.added[0]: one for one in reversed(rivals)}
     return {name: one for name, one in best.items() if shares[name] > REPLACING_SHARE * whole.get(name, 0.0)}
+
+
+def _curves(
+    display: Display,
+    scorer: Scorer,
+    evidence: Evidence,
+    offsets: Callable[[FittedModel], dict[tuple[str, str], Array]],
+    by_last: Scorer,
+    last: FittedModel,
+) -> Curves:
+    """What is to be drawn, with the floors of the last model."""
+    from fingerlab.diagnosis.answer.curves import FloorModel
+
+    return display.curves(scorer.reduced, evidence, offsets, FloorModel(by_last.reduced, last))
 
 
 def _display() -> Display:

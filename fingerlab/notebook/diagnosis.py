@@ -8,7 +8,7 @@ from typing import Any
 from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress
 from fingerlab.core.text import printed, score_text
-from fingerlab.diagnosis.answer.results import Candidate, Diagnosis, OtherModel
+from fingerlab.diagnosis.answer.results import Candidate, Diagnosis, OtherModel, SmallerModel
 from fingerlab.effects.base import Effect
 from fingerlab.notebook.model import (
     Displayable,
@@ -118,6 +118,11 @@ class DiagnosisView(Displayed):
     def better(self) -> OtherModel | None:
         """A model with given effects exchanged that is clearly better; None: there is none."""
         return self.result.better
+
+    @property
+    def smaller(self) -> SmallerModel | None:
+        """The model without an effect that it does not need; None: it needs each, or something is missing."""
+        return self.result.smaller
 
     def candidate(self, effect: str) -> Candidate:
         """How one effect of the catalogue was judged: score, probability, parameters, explanation.

@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress, Watch
 from fingerlab.diagnosis.answer.error_parts import EquationError
-from fingerlab.diagnosis.answer.errors import equation_errors
+from fingerlab.diagnosis.answer.errors import equation_errors, equation_floors, with_floors
 from fingerlab.diagnosis.equations.model import Choice, Model
 from fingerlab.diagnosis.equations.parameters import ARMS, CABLE_OFFSET
 from fingerlab.diagnosis.fit.data import Weights
@@ -104,6 +104,7 @@ def compare_models(
         # All are told in floors of the model that comes closest to its own.
         closest = min(entrants, key=lambda name: entrants[name].judged(*settled[name]).score)
         floors = settled[closest][1]
+        told = equation_floors(reduced, entrants[closest].judged(*settled[closest]))
         rows = []
         for number, (name, entrant) in enumerate(entrants.items()):
             tell(0.7 + 0.3 * number / len(entrants), f"predicting with {name}")
@@ -114,7 +115,7 @@ def compare_models(
                     tuple(c.effect.id for c in entrant.variant.effects),
                     entrant.own,
                     scored.score,
-                    equation_errors(reduced, scored) if entrant.own else {},
+                    with_floors(equation_errors(reduced, scored), told) if entrant.own else {},
                     predict_variant(entrant.variant, session, sha256, name) if session.contact_runs() else (),
                 )
             )

@@ -43,8 +43,8 @@ PART_HELP = {
     "parameters": "What the last model misses on runs left out and not on runs that it has seen, for its own "
     "constants and the bench's.",
     "calibration": "The same, for gains and zeros of the sensors.",
-    "between_runs": "What has a value of its own in each run: friction that wanders, what is set down anew.",
-    "floor": "What does not repeat from cycle to cycle.",
+    "between_runs": "What else has a value of its own in each run: friction that wanders, what is set down.",
+    "floor": "How well the bench repeats itself: from cycle to cycle, and between runs told the same.",
 }
 
 MENDS = {

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from textwrap import wrap
 
 import numpy as np
@@ -29,6 +30,7 @@ from fingerlab.report.figure_style import (
     CANDIDATE,
     FLOOR,
     LABEL_SIZE,
+    LETTERS_AN_INCH,
     MEASURED,
     MODELLED,
     RESIDUAL,
@@ -244,28 +246,44 @@ def draw_budget(axes: Axes, budget: Budget, family: str) -> None:
 def diagnosis_figures(diagnosis: Diagnosis) -> Mapping[str, Figure]:
     """By name: error path and budget, where the model fails and worst of all, the suspects' fingerprints.
 
-    Where no effect is suspected, the fingerprint is that of the most probable one.
+    Where no effect is suspected, the fingerprint is that of the most probable one. Above each stands what it
+    shows, and of which sessions.
     """
     figures = {"error-path": path_figure(diagnosis.path, diagnosis.model)}
+    titles = {"error-path": "Error path"}
     if diagnosis.budget:
         family = main_family(diagnosis.budget)
         figures["error-budget"] = budget_figure(diagnosis.budget[family], family)
+        titles["error-budget"] = f"Error budget of the {in_sentence(FAMILY_TITLES.get(family, family))}"
     if diagnosis.failure is not None:
         worst = failure_stretch(diagnosis.comparisons, diagnosis.failure)
         if worst is not None:
             figures["worst-place"] = comparison_figure(worst, diagnosis.failure)
+            titles["worst-place"] = f"Where the model fails worst: {_place(worst)}"
         where = where_figure(diagnosis.comparisons, diagnosis.failure.equation)
         if where is not None:
             figures["where"] = where
+            titles["where"] = f"Where the model fails: {equation_of(diagnosis.failure.equation).title}"
     for equation in dict.fromkeys(c.equation for c in diagnosis.comparisons):
         for number, shown in enumerate(chosen_stretches(diagnosis.comparisons, equation), start=1):
-            figures[f"{equation.replace('_', '-')}-{number}"] = comparison_figure(shown, diagnosis.failure)
+            name = f"{equation.replace('_', '-')}-{number}"
+            figures[name], titles[name] = comparison_figure(shown, diagnosis.failure), _place(shown)
     drawn = [c for c in diagnosis.candidates if c.fingerprint is not None]
     for candidate in [c for c in drawn if c.effect in suspects(diagnosis)] or drawn[:1]:
         if candidate.fingerprint is not None:
             name = f"fingerprint-{candidate.effect.replace('_', '-')}"
             figures[name] = fingerprint_figure(candidate.fingerprint, candidate.title)
+            titles[name] = f"Fingerprint of {in_sentence(candidate.title)}"
+    sessions = " + ".join(Path(one).name for one in diagnosis.sessions)
+    for name, figure in figures.items():
+        words = wrap(f"{titles[name]} – {sessions}", int(LETTERS_AN_INCH * float(figure.get_figwidth())))
+        figure.suptitle("\n".join(words), x=0.01, ha="left", fontsize=TICK_SIZE)
     return figures
+
+
+def _place(shown: DrawnStretch) -> str:
+    """``Joint torque (MCP), run 010``."""
+    return f"{equation_of(shown.comparison.equation).title}, run {shown.comparison.run}"
 
 
 def _step_name(step: PathStep, given: Sequence[str]) -> str:

@@ -198,7 +198,15 @@ def floor_sentence(diagnosis: Diagnosis) -> str:
 def verdict_sentence(diagnosis: Diagnosis) -> str:
     """The answer in one plain sentence with its numbers; another where they stand on little."""
     return " ".join(
-        filter(None, (_verdict_sentence(diagnosis), floor_sentence(diagnosis), held_sentence(diagnosis)))
+        filter(
+            None,
+            (
+                _verdict_sentence(diagnosis),
+                needless_sentence(diagnosis),
+                floor_sentence(diagnosis),
+                held_sentence(diagnosis),
+            ),
+        )
     )
 
 
@@ -395,6 +403,26 @@ def better_sentence(diagnosis: Diagnosis) -> str:
         else f"takes the error on {judged_on(diagnosis)} from {before} to {after} times {_floor(diagnosis)}"
     )
     return f"Another model of these recordings is better: {words} {said}."
+
+
+def needless_title(diagnosis: Diagnosis) -> str:
+    """The effect that the model does not need, as it stands in a sentence; empty where it needs each."""
+    smaller = diagnosis.smaller
+    return "" if smaller is None else in_sentence(on_the_path(diagnosis, smaller.removed))
+
+
+def needless_sentence(diagnosis: Diagnosis) -> str:
+    """That the model does as well without one of its effects; empty where it needs each."""
+    smaller = diagnosis.smaller
+    if smaller is None:
+        return ""
+    after, before = score_text(smaller.score), score_text(diagnosis.score)
+    times = f"times {_floor(diagnosis)}"
+    stays = after == before
+    said = f"stays at {before} {times}" if stays else f"is {after} instead of {before} {times}"
+    why = "" if stays else ", too little to tell the two apart"
+    title = on_the_path(diagnosis, smaller.removed)
+    return f"{title} is not needed in the model: without it the error on {judged_on(diagnosis)} {said}{why}."
 
 
 def as_good_sentence(diagnosis: Diagnosis) -> str:

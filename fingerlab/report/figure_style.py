@@ -9,9 +9,11 @@ from __future__ import annotations
 import html
 import io
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from textwrap import wrap
 from typing import Any
 
 import matplotlib as mpl
@@ -193,8 +195,25 @@ def file_name(words: str) -> str:
     return plain[:LONGEST_NAME].rstrip("-.")
 
 
-def save_figures(figures: Mapping[str, NamedFigure], folder: Path, outputs: OutputSet) -> None:
+@contextmanager
+def headed(figure: Figure, words: str) -> Iterator[None]:
+    """The figure with words above it, for a file of its own: beyond its edge, so that nothing in it moves."""
+    wide = int(LETTERS_AN_INCH * float(figure.get_figwidth()))
+    head = figure.text(0.01, 1.01, "\n".join(wrap(words, wide)), va="bottom", fontsize=TICK_SIZE)
+    try:
+        yield
+    finally:
+        head.remove()
+
+
+LETTERS_AN_INCH = 15.0
+"""Of the words above a figure."""
+
+
+def save_figures(figures: Mapping[str, NamedFigure], folder: Path, outputs: OutputSet, title: str) -> None:
     """Every figure in every format into a folder, on white and with letters as they are.
+
+    Above each stands what it shows, and of what: ``title``.
 
     Raises:
         UserError: a file of that name is there already, or the folder cannot be made or written to.
@@ -202,12 +221,13 @@ def save_figures(figures: Mapping[str, NamedFigure], folder: Path, outputs: Outp
     outputs.make_folder(folder)
     for one in figures.values():
         one.figure.patch.set_alpha(1.0)  # the page's drawing has no ground of its own
-        # A formula stands at the left of a wide sheet, of which a file needs nothing.
-        cut: dict[str, Any] = {} if one.figure.axes else {"bbox_inches": "tight", "pad_inches": 0.05}
+        # A formula stands at the left of a wide sheet, of which a file needs nothing; the words need more.
+        cut: dict[str, Any] = {"bbox_inches": "tight", "pad_inches": 0.05}
         for kind in FORMATS:
             part = outputs.claim(folder / f"{one.name}.{kind}")
             # Dates would make two reports of one diagnosis differ.
-            with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": one.name}):
+            told = headed(one.figure, f"{one.description} – {title}")
+            with told, mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": one.name}):
                 one.figure.savefig(part, format=kind, facecolor="white", metadata=_undated(kind), **cut)
 
 

@@ -115,7 +115,7 @@ def write_report(
             page = render(content, part(0.75, 0.9))
             _write_files(places, page, content)
             if extras.figures is not None:
-                save_figures(page.figures, extras.figures, outputs)
+                save_figures(page.figures, extras.figures, outputs, page.title)
             part(0.9, 1.0)(1.0, "written")
     except OSError as error:
         raise UserError(

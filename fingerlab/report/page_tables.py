@@ -19,6 +19,7 @@ from fingerlab.core.text import (
     decimals_for,
     estimate_text,
     fixed,
+    listed,
     number,
     percent,
     printed,
@@ -45,6 +46,7 @@ from fingerlab.sessions.trajectory import motion_of_run
 
 if TYPE_CHECKING:
     from fingerlab.prediction.comparing import ComparedModel, ModelComparison
+    from fingerlab.prediction.predict import RunPrediction
 
 SHOWN_OUTCOMES = 6
 """Candidates in the short ranking; the whole catalogue stands at the end of the page."""
@@ -385,6 +387,35 @@ def judged_as_they_stand(result: ModelComparison) -> str:
     return f"Fitted on other sessions, so judged as it stands: {names}." if names else ""
 
 
+def worse_force_sentence(
+    nominal: Sequence[RunPrediction], others: Mapping[str, Sequence[RunPrediction]]
+) -> str:
+    """Which models miss the endpoint force by more than the nominal one, by how much; empty: none does.
+
+    Args:
+        nominal: contact runs by the nominal model. others: by further models, by their names.
+    """
+    before, after = _force_error(nominal), {name: _force_error(runs) for name, runs in others.items()}
+    worse = [f"{name} by {number(error, 1)} mN" for name, error in after.items() if error > before]
+    if not worse:
+        return ""
+    known = f"The nominal model misses the endpoint force by {number(before, 1)} mN"
+    return f"{known}, others by more: {listed(worse)}."
+
+
+def force_got_worse(result: ModelComparison) -> str:
+    """The same of models that were compared; empty where none of them is the nominal one."""
+    plain = next((one.forces for one in result.models if not one.effects), ())
+    return worse_force_sentence(plain, {one.name: one.forces for one in result.models if one.effects})
+
+
+def _force_error(runs: Sequence[RunPrediction]) -> float:
+    """Mean over contact runs of the force's error (rms), mN, as it is told; NaN: there are none."""
+    from fingerlab.prediction.predict import spread_over  # loads scipy
+
+    return round(1e3 * spread_over(runs, "both", "rmse").mean, 1) if runs else math.nan
+
+
 def _force_cells(model: ComparedModel) -> tuple[str, ...]:
     if not model.forces:
         return ("–",) * 5
@@ -392,7 +423,7 @@ def _force_cells(model: ComparedModel) -> tuple[str, ...]:
 
     coverage = interval_over(model.forces)[1]
     return (
-        number(1e3 * spread_over(model.forces, "both", "rmse").mean, 1),
+        number(_force_error(model.forces), 1),
         number(spread_over(model.forces, "both", "r2").mean, 4),
         number(spread_over(model.forces, "both", "normalised_r2").mean, 4),
         number(100 * spread_over(model.forces, "both", "share").mean, 1),

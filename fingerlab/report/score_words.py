@@ -35,6 +35,7 @@ from fingerlab.report.diagnosis_words import (
     indistinguishable,
     judged_on,
     listed,
+    needless_title,
     on_the_path,
     shown_best_first,
     worth_adding,
@@ -481,10 +482,16 @@ def path_sentence(diagnosis: Diagnosis) -> str:
 
 
 def how_to_add(diagnosis: Diagnosis) -> str:
-    """The options that take all of the path; where it begins with another effect than the verdict, why."""
+    """The options that take all of the path; where it begins with another effect than the verdict, why.
+
+    Where the model holds an effect that it does not need, those that leave that one out.
+    """
     added = worth_adding(diagnosis)
     if diagnosis.better is not None:
         return f"To exchange it: {_options(diagnosis.better.effects)}"
+    if diagnosis.smaller is not None:
+        kept = _options(diagnosis.smaller.effects) or "no --add"
+        return f"To take {needless_title(diagnosis)} off: {kept}"
     if not added:
         return ""
     it = "it" if len(added) == 1 else "them"

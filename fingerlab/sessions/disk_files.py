@@ -69,6 +69,10 @@ class ReadFile(io.FileIO):
             head[44:48] = _checksum(bytes(head[:44])).to_bytes(4, "little")
             self._head = bytes(head)
 
+    def __del__(self) -> None:
+        """Closed with the HDF5 file that reads from it, which holds it alone."""
+        self.close()
+
     def readinto(self, buffer: Any) -> int:
         """As for any file.
 

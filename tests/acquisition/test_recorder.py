@@ -17,10 +17,11 @@ import pytest
 
 from fingerlab.acquisition.control.machine import Mode
 from fingerlab.acquisition.recorder import Recorder
-from fingerlab.acquisition.recording import RunInfo, SessionInfo
+from fingerlab.acquisition.recording import WHOLE_S, RunInfo, SessionInfo
 from fingerlab.acquisition.ring import COLUMN, COLUMNS, Array, Ring, RowFlag
 from fingerlab.acquisition.status import Number, SharedStatus, Slot, Text
 from fingerlab.core.errors import UserError
+from fingerlab.diagnosis.signals.scales import LEAST_SECONDS
 from fingerlab.rig.file import default_rig
 from fingerlab.sessions import check_session, open_session
 from fingerlab.sessions.exporting import export_session
@@ -404,9 +405,9 @@ def test_a_disk_that_lies_is_found_out(bench: Bench, monkeypatch: pytest.MonkeyP
 
 
 def test_what_a_run_is_worth_is_told_when_it_ends(bench: Bench) -> None:
-    bench.begin(0, 2000)
-    bench.publish(2001)
-    assert bench.board.text(Text.RUN) == "Run 1: 2.0 s, nothing missing; usable."
+    bench.begin(0, 3000)
+    bench.publish(3001)
+    assert bench.board.text(Text.RUN) == "Run 1: 3.0 s, nothing missing; usable."
     bench.begin(bench.index + 1, bench.index + 5024)
     for skip in (20, 3, 0, 0, 0):
         bench.publish(1000, skip)
@@ -423,3 +424,9 @@ def test_what_a_run_is_worth_is_told_when_it_ends(bench: Bench) -> None:
     bench.publish(500, 1)
     bench.publish(501)
     assert bench.board.text(Text.RUN).startswith("Run 4: 1.0 s, 1 gap with 1 sample missing; not usable")
+    bench.begin(bench.index + 1, bench.index + 901)
+    bench.publish(902)
+    assert bench.board.text(Text.RUN) == (
+        "Run 5: 0.9 s, nothing missing; not usable: too short, a run takes 3 s."
+    )
+    assert pytest.approx(LEAST_SECONDS) == WHOLE_S  # what the diagnosis takes

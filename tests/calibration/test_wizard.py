@@ -141,6 +141,24 @@ def test_nothing_is_captured_before_the_operator_has_done_something() -> None:
         wizard.outcome()
 
 
+def test_the_first_mark_of_a_joint_waits_for_a_hand_or_for_a_word() -> None:
+    """It had been captured as the joint stood when the calibration began."""
+    time, still = np.arange(0, 10, 0.05), np.full(200, angle_sensor(20.0))
+    wizard = Wizard(standard_plan(MCP), StepTiming(3.0, 1.0))
+    wizard.feed(time, still)
+    assert (wizard.number, wizard.phase, wizard.light) == (0, Phase.CHANGE, "stable")
+    wizard.feed(time + 10, np.full(200, angle_sensor(0.0)))
+    assert wizard.captures[0].step.volts == pytest.approx(angle_sensor(0.0))
+    said = Wizard(standard_plan(MCP), StepTiming(3.0, 1.0))
+    said.feed(time, still)
+    said.take_as_it_is()
+    said.feed(time + 10, still)
+    assert (said.number, said.phase) == (1, Phase.CHANGE)
+    loaded = Wizard(own_plan(LOAD_CELL, (0.1, 0.2, 0.3, 0.4)), StepTiming(3.0, 1.0))
+    loaded.feed(time, np.full(200, thesis_load_cell(0.0)))
+    assert loaded.number == 0  # nothing has been laid on
+
+
 def test_a_stir_in_the_hold_begins_it_anew() -> None:
     wizard = Wizard(standard_plan(LOAD_CELL))
     time = np.arange(0, 12, 0.05)

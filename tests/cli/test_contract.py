@@ -85,6 +85,15 @@ def check_answer(told: dict[str, Any]) -> None:
     for name, error in told["errors"].items():
         assert error["unit"] == FAMILIES[name]
         assert all(is_number(error[key]) for key in ("rmse", "r2", "floor"))
+    for name, budget in told.get("budget", {}).items():
+        left, floor = budget["mean_square"], told["errors"][name]["floor"]
+        left -= sum(part["mean_square"] for part in budget["parts"] if part["kind"] == "effect")
+        (part,) = (one["mean_square"] for one in budget["parts"] if one["kind"] == "floor")
+        assert part == pytest.approx(min(floor**2, left), rel=1e-9)  # the same floor in table and budget
+    if told["smaller_model"] is not None:
+        assert told["verdict"] == "nothing_missing"
+        assert set(told["smaller_model"]["remove"]) <= set(told["model"])
+        assert is_number(told["smaller_model"]["score"])
     assert told["floor_from"] in ("cycles", "runs", "state law")
     assert told["score_parts"]
     for part in told["score_parts"]:

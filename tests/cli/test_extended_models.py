@@ -14,6 +14,7 @@ from fingerlab.acquisition.control.trajectories import read_trajectory
 from fingerlab.core.plain_data import json_ready
 from fingerlab.models.file import load_model, save_model
 from fingerlab.prediction import extended_model, fit_extended, model_of_extended, predict_extended
+from fingerlab.report.page_tables import worse_force_sentence
 from fingerlab.sessions import open_session
 from fingerlab.twin.effects import parse_effects
 from fingerlab.twin.protocols import RunPlan, load_preset
@@ -93,6 +94,23 @@ def test_the_effect_takes_away_what_the_delay_costs(
     assert extended["rmse"] < 0.2 * nominal["rmse"]
     assert extended["share"] == pytest.approx(1.0, abs=0.04)
     assert extended["delay"] == pytest.approx(0.0, abs=0.006)
+
+
+def test_a_force_that_got_worse_is_said(session_file: Path, model_file: Path) -> None:
+    """The model without its effect misses far more, as if that were the one that was found."""
+    found = predict_extended(
+        open_session(session_file), extended_model(load_model(model_file), "late"), "late"
+    )
+    late, nominal = found.runs["extended"], found.runs["nominal"]
+    errors = [
+        f"{1e3 * np.mean([run.numbers['both'].value('rmse') for run in runs]):.1f} mN"
+        for runs in (late, nominal)
+    ]
+    said = worse_force_sentence(late, {"late.json": nominal})
+    by_more = f"others by more: late.json by {errors[1]}."
+    assert said == f"The nominal model misses the endpoint force by {errors[0]}, {by_more}"
+    assert worse_force_sentence(nominal, {"late.json": late}) == ""
+    assert worse_force_sentence((), {"late.json": late}) == ""
 
 
 def test_nine_in_ten_samples_of_held_out_runs_lie_inside(

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import pytest
 
 from fingerlab.diagnosis.answer.budget import error_budget, still_gone
 from fingerlab.diagnosis.answer.error_parts import Budget, BudgetPart, EquationError
-from fingerlab.diagnosis.answer.errors import equation_errors
+from fingerlab.diagnosis.answer.errors import equation_errors, equation_floors, with_floors
 from fingerlab.diagnosis.answer.results import PathStep
 from fingerlab.diagnosis.equations.model import Choice
 from fingerlab.diagnosis.score.scorer import Scorer
@@ -26,8 +25,13 @@ VISCOUS, COMPLIANCE = (2e-3, 1e-3), 3e-4
 WHOLE = made.Missing(viscous=VISCOUS, compliance=COMPLIANCE)
 
 
-def told(missing: made.Missing, names: Sequence[str]) -> tuple[dict[str, Budget], dict[str, EquationError]]:
-    """The budget along the path of these effects, and the errors of the nominal model."""
+def told(
+    missing: made.Missing, names: Sequence[str], noisier: float = 1.0
+) -> tuple[dict[str, Budget], dict[str, EquationError]]:
+    """The budget along the path of these effects, and the errors of the nominal model.
+
+    The floors are the last model's, times ``noisier``.
+    """
     effects = [effect(name) for name in names]
     scorer = Scorer(reduce_sessions([made.session(made.Bench(missing=missing), 4, 2, 7.0)], effects))
     choices = [Choice(one) for one in effects]
@@ -36,7 +40,8 @@ def told(missing: made.Missing, names: Sequence[str]) -> tuple[dict[str, Budget]
         scorer.score_held_out(scorer.fit(choices[:k], end, FULL_ITERATIONS, end.weights), residuals=True)
         for k in range(len(choices) + 1)
     ]
-    errors = equation_errors(scorer.reduced, path[0])
+    floors = {name: noisier * floor for name, floor in equation_floors(scorer.reduced, path[-1]).items()}
+    errors = with_floors(equation_errors(scorer.reduced, path[0]), floors)
     steps = [
         PathStep(None, path[0].score),
         *(PathStep(n, m.score) for n, m in zip(names, path[1:], strict=True)),
@@ -55,6 +60,9 @@ def test_parts_sum_to_the_squared_error(both: tuple[dict[str, Budget], dict[str,
     for name, budget in budgets.items():
         assert budget.mean_square == pytest.approx(errors[name].rmse ** 2, rel=1e-12)
         assert sum(part.mean_square for part in budget.parts) == pytest.approx(budget.mean_square, rel=1e-12)
+        (floor,) = (part.mean_square for part in budget.parts if part.kind == "floor")
+        left = budget.mean_square - sum(part.mean_square for part in budget.parts if part.kind == "effect")
+        assert floor == pytest.approx(min(errors[name].floor ** 2, left), rel=1e-12)  # one floor in an answer
         assert all(0.0 <= part.mean_square <= budget.mean_square for part in budget.parts)
         plain = budget.to_json()
         assert sum(part["share"] for part in plain["parts"]) == pytest.approx(1.0, rel=1e-12)
@@ -108,19 +116,9 @@ def test_what_comes_back_never_went(levels: list[float], kept: list[float]) -> N
     assert still_gone(levels) == kept
 
 
-def test_an_error_below_the_last_models_floor_is_all_floor(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_error_below_the_floor_is_all_floor() -> None:
     """An effect that makes an error larger has no part of it, and there is nothing to mend."""
-    import fingerlab.diagnosis.answer.budget as module
-
-    plain = module.equation_errors
-
-    def raised(*asked: Any, **also: Any) -> dict[str, EquationError]:
-        """Ten times the noise in the last model, whatever it is asked."""
-        found = plain(*asked, **also)
-        return {n: replace(e, rmse=10 * e.rmse, floor=10 * e.floor) for n, e in found.items()}
-
-    monkeypatch.setattr(module, "equation_errors", raised)
-    budget = told(made.Missing(), ("viscous_friction",))[0]["joint_torque"]
+    budget = told(made.Missing(), ("viscous_friction",), noisier=10.0)[0]["joint_torque"]
     shares = {part.kind: part.mean_square / budget.mean_square for part in budget.parts}
     assert shares.pop("floor") == pytest.approx(1.0, rel=1e-12)
     assert set(shares.values()) == {0.0}

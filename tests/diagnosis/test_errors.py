@@ -10,7 +10,7 @@ import pytest
 from scipy.signal import butter, firwin, freqz, sosfiltfilt
 
 from fingerlab.diagnosis.answer.error_parts import EquationError
-from fingerlab.diagnosis.answer.errors import equation_errors, run_shares
+from fingerlab.diagnosis.answer.errors import equation_errors, equation_floors, run_shares
 from fingerlab.diagnosis.equations.model import Choice
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.effects import CATALOGUE
@@ -62,7 +62,7 @@ def test_floor_holds_what_friction_differs_by_from_run_to_run() -> None:
     scorer = Scorer(reduce_sessions([session], [effect]))
     fitted = scorer.score_held_out(scorer.fit_reweighted([Choice(effect)]), residuals=True)
     cycles, whole = (
-        equation_errors(scorer.reduced, fitted, alone)["joint_torque"].floor for alone in (True, False)
+        equation_floors(scorer.reduced, fitted, alone)["joint_torque"] for alone in (True, False)
     )
     low_pass = butter(4, 8.0, fs=made.RATE, output="sos")
     squares = []

@@ -64,6 +64,8 @@ def test_a_rotor_that_hides_behind_constants_is_told_by_them(tmp_path: Path) -> 
     assert (first.effect, first.detectable) == ("motor_inertia", True)
     assert first.probability > 0.7
     assert "What speaks for it are the rig's constants: without it they are off by 2" in first.explanation
+    spoken_for = {one.effect for one in found.candidates if "rig's constants" in one.explanation}
+    assert spoken_for <= set(found.set)  # not of what is ruled out
     assert "rig_constant" not in [one.kind for one in found.bench]
     assert path_sentence(found).startswith("The error stays at 1.02 with other inertia")
     assert verdict_sentence(found).endswith("and what speaks for it are the rig's constants.")

@@ -110,3 +110,36 @@ def test_a_wrong_effect_that_was_added_is_offered_for_the_right_one(tmp_path: Pa
     assert answer["path"][1]["removed"] == "coulomb_friction"
     assert answer["final_model"] == ["stribeck_friction"]
     assert answer["set"][0] == answer["candidates"][0]["effect"] == "stribeck_friction"
+
+
+def test_an_effect_that_is_not_needed_beside_the_right_one_is_told(tmp_path: Path) -> None:
+    """It had been called true, although the right one alone leaves as little."""
+    path = tmp_path / "coulomb.h5"
+    run("simulate", "--protocol", "thesis", "--effect", "coulomb_friction", "--seed", "7", "--out", path)
+    both = run("diagnose", path, "--add", "coulomb_friction", "--add", "joint_coupling")
+    assert both["verdict"] == "nothing_missing"
+    assert both["smaller_model"]["remove"] == ["joint_coupling"]
+    right = run("diagnose", path, "--add", "coulomb_friction")
+    assert right["smaller_model"] is None  # the nominal model leaves four floors
+    assert both["smaller_model"]["score"] == pytest.approx(right["score"], abs=0.01)
+    added = ["--add", "coulomb_friction", "--add", "backlash"]
+    printed = CliRunner().invoke(cli, ["diagnose", str(path), *added])
+    said = " ".join(printed.stdout.split())
+    assert "Play between gearbox and pulley is not needed in the model: without it the error" in said
+    assert "To take play between gearbox and pulley off: --add coulomb_friction" in said
+    # Constants come back with the friction, too; what speaks for it is an error that falls to a quarter.
+    missing = run("diagnose", path)["candidates"]
+    assert "goes from 4.08 to" in missing[0]["explanation"]
+    assert not any("rig's constants" in one["explanation"] for one in missing)
+
+
+def test_a_model_has_the_same_errors_and_floors_whether_it_was_found_or_given(tmp_path: Path) -> None:
+    """Given, presliding had been told with twice the joint torque that it leaves, and twice the floor."""
+    path = tmp_path / "practice.h5"
+    run("simulate", "--protocol", "rich", "--hidden", "--seed", "7", "--out", path)
+    found, given = run("diagnose", path), run("diagnose", path, "--add", "motor_presliding")
+    assert (found["final_model"], given["verdict"]) == (["motor_presliding"], "nothing_missing")
+    for name, error in given["errors"].items():
+        assert error["floor"] == pytest.approx(found["errors"][name]["floor"], rel=0.05)
+    torque = given["errors"]["joint_torque"]
+    assert torque["rmse"] / torque["floor"] == pytest.approx(found["path"][-1]["score"], abs=0.1)

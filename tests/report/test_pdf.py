@@ -57,7 +57,11 @@ def test_pdf_and_figures_say_what_the_page_says(written) -> None:
     assert figures[0].name == "01-error-path.pdf"
     dots = imread(written / "drawn" / "01-error-path.png")
     assert dots[0, 0].tolist() == [1.0] * 4  # white, not nothing: a dark page would hide the letters
-    ElementTree.parse(written / "drawn" / "01-error-path.svg")
+    drawn = ElementTree.parse(written / "drawn" / "01-error-path.svg").getroot()
+    heading = "".join(root.find(f".//{xhtml}h1").itertext()).strip()
+    assert f"Error path – {heading}" in " ".join(
+        "".join(drawn.itertext()).split()
+    )  # of what, in the file itself
 
 
 def test_a_name_that_ends_with_pdf_makes_a_pdf(make_session, bare, tmp_path) -> None:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import gc
 import hashlib
 import pickle
+import warnings
 from pathlib import Path
 
 import h5py
@@ -145,3 +147,13 @@ def test_a_run_in_memory_behaves_like_one_of_a_file():
     assert run.load(["extra"], 1)["extra"].tolist() == [2.0, 3.0]
     with pytest.raises(UserError, match="of one length"):
         Run.from_arrays({"mcp_angle": [0.0], "pip_angle": [0.0, 1.0]})
+
+
+def test_nothing_is_left_to_be_closed_by_the_garbage_collector(make_session):
+    """The file from which HDF5 reads had been, with a warning at each reading."""
+    path = make_session()
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        open_session(path).runs[0].load()
+        gc.collect()
+    assert [str(one.message) for one in told if one.category is ResourceWarning] == []

@@ -36,7 +36,7 @@ from ..widgets.fields import (
     set_shown,
     set_usable,
 )
-from ..widgets.layout import FLUSH, Pages, Spacer, described, hbox, vbox
+from ..widgets.layout import FLUSH, Pages, Spacer, described, fix_width, hbox, vbox
 from ..widgets.tables import ElidedLabel, heading, remark
 from .bench_controller import BenchController
 from .bench_setup import LOADED_PHASE, cable_refusal
@@ -114,7 +114,6 @@ class AcquirePanel(QWidget):
         super().__init__(parent)
         self.setObjectName("acquirePanel")
         self.setAttribute(Qt.WidgetAttribute.WA_StyledBackground)
-        self.setFixedWidth(WIDTH)
         self._controller, self._recording = controller, recording
         self.pages = Pages()
         self._make_bench(actions)
@@ -122,6 +121,7 @@ class AcquirePanel(QWidget):
         self._make_recording(actions)
         parts = (*self._bench, 2, *self._motion, 2, *self._record, 2)
         vbox(self, *parts, Spacer(1), margins=(8, 2, 8, 0), spacing=3)
+        fix_width(self, WIDTH)
         self._keep_history()
 
     def _keep_history(self) -> None:

@@ -27,7 +27,7 @@ from ..widgets.fields import (
     take_typed,
 )
 from ..widgets.layout import as_written, described
-from ..widgets.tables import heading, remark
+from ..widgets.tables import heading, remark, whole_remark
 from .bench_setup import BenchRequest, forget_own_device, own_device_file, own_device_files
 
 if TYPE_CHECKING:
@@ -133,7 +133,7 @@ class ConnectPage(QWidget):
         self.again = _button("Look a&gain", "lookAgain")
         self.again.setToolTip("A card was plugged in, or a device server started.")
         self.rig = _button("Rig f&ile…", "rigFile")
-        self.rig_text = remark(DEFAULT_RIG)
+        self.rig_text = whole_remark(DEFAULT_RIG)
 
     def _make_own(self) -> None:
         self.own = _button("&Own device", "connectOwn")
@@ -147,7 +147,7 @@ class ConnectPage(QWidget):
 
     def _make_replay(self) -> None:
         self.replay = _button("&Replay a recording…", "connectReplay")
-        self.replay_text = remark("A recorded run as if it were measured now; nothing moves it.")
+        self.replay_text = whole_remark("A recorded run as if it were measured now; nothing moves it.")
         self.runs = choice("replayRun", {}, "Run that is replayed.")
         self.replay_run = _button("Replay &this run", "replayThis")
         self.replay_run.setProperty("primary", "true")
@@ -166,7 +166,7 @@ class ConnectPage(QWidget):
     def _make_practice(self) -> None:
         self.practise = _button("&Practise", "practiseFromHere")
         self.practise.setAccessibleName("Practise on a hidden effect")
-        self.practise_text = remark(
+        self.practise_text = whole_remark(
             "On a hidden effect, without any rig: a session is simulated in seconds and opens in the Model "
             "lab. A session that you have opens with Ctrl+O, or drop it here."
         )
@@ -191,7 +191,11 @@ class ConnectPage(QWidget):
             (self.own, self.own_file, self.forget),
             (self.replay, self.replay_text, self.runs, self.replay_run),
             (self.rig, self.rig_text),
-            (self.check, self.checked, remark("Without it a real bench gets a tenth of its current.")),
+            (
+                self.check,
+                self.checked,
+                whole_remark("Without it a real bench gets a tenth of its current."),
+            ),
             (self.practise, self.practise_text),
         ):
             entries[0].setMinimumWidth(BUTTON_WIDTH)

@@ -234,6 +234,8 @@ class TaskBar(QWidget):
         self.cancel = described(QPushButton("Cancel"), "cancel", tip="Stop what is running (Ctrl+.).")
         self.cancel.setShortcut("Ctrl+.")
         hbox(self, (self.text, 1), self.progress, self.cancel, margins=(0, 1, 8, 1), spacing=8)
+        # Its height is kept, so that nothing jumps when work starts or ends; the width is the words'.
+        self.setMinimumHeight(self.sizeHint().height())
         self.cancel.clicked.connect(self._on_cancel)
         tasks.started.connect(self._on_started)
         tasks.progressed.connect(self._on_progress)
@@ -249,11 +251,7 @@ class TaskBar(QWidget):
     def _show_work(self, running: bool) -> None:
         if not running:
             self.cancel.clearFocus()  # Qt would hand it to the next widget, whatever that is
-        # Space is kept, so that nothing jumps when work starts or ends.
         for widget in (self.progress, self.cancel):
-            policy = widget.sizePolicy()
-            policy.setRetainSizeWhenHidden(True)
-            widget.setSizePolicy(policy)
             widget.setVisible(running)
 
     def _on_started(self, title: str) -> None:

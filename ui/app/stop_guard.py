@@ -130,16 +130,13 @@ class StopGuard(QObject):
     def _take_key(self) -> None:
         self.alone = self._system.take(self.key, self._window)
         if self.alone:
-            self._context.say(
-                f"Foot-switch key {self.key} stops the motor only while FingerLab is in front: {self.alone}"
-            )
+            self._context.say(f"Foot-switch key {self.key} is heard only while FingerLab is in front")
         else:
-            self._context.say(
-                f"Foot-switch key {self.key} stops the motor, also while another program is in front"
-            )
+            self._context.say(f"Foot-switch key {self.key} is heard, also while another program is in front")
 
     def _say_keys(self) -> None:
-        where = " while FingerLab is in front" if self.alone else " from another program, too"
+        alone = f" while FingerLab is in front: {self.alone}"
+        where = alone if self.alone else " from another program, too"
         self._button.setToolTip(
             "Motor current to zero and amplifier off, at once "
             f"(Escape, in every tab; {self.key}{where if self._armed else ''})."

@@ -326,7 +326,8 @@ def state_words(wizard: Wizard) -> str:
     if wizard.light == "none":
         return "Nothing is read from this sensor; check its cable and terminal."
     if wizard.phase is Phase.CHANGE:
-        return "Waiting: the reading is still that of the last step."
+        still = "that of the last step" if wizard.number else "where it stood; if it is as asked, say so"
+        return f"Waiting: the reading is still {still}."
     if wizard.phase is Phase.HOLD:
         centre = wizard.timing.centre
         return f"Leave it: {wizard.seconds_left:.0f} s to go, the central {centre:g} s are captured."

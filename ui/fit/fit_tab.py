@@ -18,7 +18,7 @@ from fingerlab.thesis.traces import Delay, FitSpec, Method
 from ..app.context import ApplicationContext
 from ..app.tab_registry import SEPARATOR, Command, Tab, run_commands
 from ..app.worker import IsCancelled, Progress
-from ..widgets.layout import described, hbox, vbox
+from ..widgets.layout import described, fix_width, hbox, vbox
 from ..widgets.tables import EmptyPage, header_name, heading, remark
 from .fit_view import FitResultView
 
@@ -50,7 +50,6 @@ class FitPanel(QWidget):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self.setFixedWidth(PANEL_WIDTH)
         self.method = _choice("method", "Regions", [(METHOD_WORDS[m], m) for m in get_args(Method)])
         self.delay = _choice("delay", "Delay", [(DELAY_WORDS[d], d) for d in get_args(Delay)])
         self.threshold = _choice(
@@ -79,6 +78,7 @@ class FitPanel(QWidget):
         layout.addWidget(self.remarks)
         layout.addStretch(1)
         layout.addWidget(self.save)
+        fix_width(self, PANEL_WIDTH)
         self.analyse.clicked.connect(self.analyse_asked)
         self.save.clicked.connect(self.save_asked)
         self.run.currentTextChanged.connect(self.run_chosen)

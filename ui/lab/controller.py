@@ -22,7 +22,13 @@ from fingerlab.models.file import (
     save_project,
     with_model,
 )
-from fingerlab.report.diagnosis_words import called, called_in_sentence, in_sentence, on_the_path
+from fingerlab.report.diagnosis_words import (
+    called,
+    called_in_sentence,
+    in_sentence,
+    needless_title,
+    on_the_path,
+)
 from fingerlab.report.score_words import story
 from fingerlab.sessions.model import Session
 
@@ -168,6 +174,11 @@ class SessionDiagnosis:
             self._kept = self._last = None  # let go before the next is filled
             self._kept = Reduction(sessions)
         return self._kept
+
+
+def _without(held: Held, gone: Sequence[str]) -> Held:
+    """What is held of a model once effects have left it (ids)."""
+    return tuple(one for one in held if one[0].partition(".")[0] not in gone)
 
 
 class LabController(QObject):
@@ -376,14 +387,21 @@ class LabController(QObject):
         if better is not None:
             self._exchange(better.added, better.removed, better.effects)
 
+    def take_off(self) -> None:
+        """Refit without the effect that the present model does not need, where the diagnosis knows one."""
+        history, smaller = self.history, self.diagnosis.smaller if self.diagnosis is not None else None
+        if history is not None and smaller is not None:
+            gone = needless_title(history.now.diagnosis)
+            held = _without(history.now.held, (smaller.removed,))
+            self._run(history, (smaller.effects, held), f"Refitting without {gone}")
+
     def _exchange(self, came: tuple[str, ...], gone: tuple[str, ...], added: tuple[str, ...]) -> None:
         history = self.history
         if history is not None:
             new = called_in_sentence(history.now.diagnosis, came)
             old = called_in_sentence(history.now.diagnosis, gone, on_the_path)
             title = f"Refitting with {new} in place of {old}"
-            held = tuple(one for one in history.now.held if one[0].partition(".")[0] not in gone)
-            self._run(history, (added, held), title)
+            self._run(history, (added, _without(history.now.held, gone)), title)
 
     def _push(self, history: ModelHistory, key: ModelKey, diagnosis: Diagnosis) -> None:
         history.push(ModelStep(key[0], diagnosis, key[1]))

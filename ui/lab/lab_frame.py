@@ -10,7 +10,12 @@ from PySide6.QtWidgets import QButtonGroup, QFrame, QLabel, QPushButton, QVBoxLa
 
 from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.models.file import project_path
-from fingerlab.report.diagnosis_words import better_sentence, exchange_words
+from fingerlab.report.diagnosis_words import (
+    better_sentence,
+    exchange_words,
+    needless_sentence,
+    needless_title,
+)
 
 from ..widgets.fields import centred_column, set_usable
 from ..widgets.layout import FLUSH, Item, Spacer, described, hbox, vbox
@@ -154,9 +159,13 @@ class LabHeader(QWidget):
 
 
 class BetterModelBanner(QFrame):
-    """That another model of these recordings is better, unseen while none is. Signal ``exchange_asked``."""
+    """That another model of these recordings is better, or needs less; unseen while none does.
+
+    Signals ``exchange_asked``; ``take_off_asked``: refit without the effect that is not needed.
+    """
 
     exchange_asked = Signal()
+    take_off_asked = Signal()
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -164,21 +173,31 @@ class BetterModelBanner(QFrame):
         self.text = described(WholeLabel(), "betterModelText")
         self.button = described(QPushButton("E&xchange"), "exchange", primary="true")
         self.button.clicked.connect(self.exchange_asked)
-        hbox(self, (self.text, 1), self.button, margins=(8, 4, 8, 4), spacing=8)
+        self.take_off = described(QPushButton("Ta&ke it off"), "takeOff", primary="true")
+        self.take_off.clicked.connect(self.take_off_asked)
+        hbox(self, (self.text, 1), self.button, self.take_off, margins=(8, 4, 8, 4), spacing=8)
         self.show_diagnosis(None)
 
     def show_diagnosis(self, diagnosis: Diagnosis | None) -> None:
-        """Say which model is better and by how much; nothing where the present one is not beaten."""
+        """Say which model does better, or as well with less; nothing where the present one is not beaten."""
         better = diagnosis.better if diagnosis is not None else None
-        self.setVisible(better is not None)
-        if diagnosis is None or better is None:
+        smaller = diagnosis.smaller if diagnosis is not None else None
+        self.button.setVisible(better is not None)
+        self.take_off.setVisible(smaller is not None)
+        self.setVisible(better is not None or smaller is not None)
+        if diagnosis is None:
             return
-        self.text.setText(better_sentence(diagnosis))
-        self.button.setToolTip(f"Refit with {exchange_words(better, diagnosis)} (Ctrl+Z takes it back).")
+        self.text.setText(better_sentence(diagnosis) or needless_sentence(diagnosis))
+        if better is not None:
+            self.button.setToolTip(f"Refit with {exchange_words(better, diagnosis)} (Ctrl+Z takes it back).")
+        if smaller is not None:
+            gone = needless_title(diagnosis)
+            self.take_off.setToolTip(f"Refit without {gone} (Ctrl+Z takes it back).")
 
     def set_busy(self, busy: bool) -> None:
-        """While the model is being refitted nothing can be exchanged."""
-        set_usable(self.button, not busy)
+        """While the model is being refitted nothing can be exchanged or taken off."""
+        for button in (self.button, self.take_off):
+            set_usable(button, not busy)
 
 
 class WaitingPage(QWidget):
@@ -221,6 +240,10 @@ STEPS = {
 }
 
 
+LONGEST_SCORE, SCORE_ROOM = "error 12300 × floor", 32
+"""The longest headline there is, and the room beside it, px."""
+
+
 class StepsColumn(QWidget):
     """Five steps. Signals ``chosen(step)``: the user goes to one; ``score_asked``: what is the error of?"""
 
@@ -255,6 +278,10 @@ class StepsColumn(QWidget):
             if step == "compare":
                 layout.addWidget(self.score)
             layout.addWidget(result)
+
+    def width_of_score(self) -> int:
+        """What the headline needs, px, whatever letters the system has."""
+        return self.score.fontMetrics().horizontalAdvance(LONGEST_SCORE) + SCORE_ROOM
 
     def set_results(self, results: dict[str, str]) -> None:
         """Show what each done step found; the others stay empty."""

@@ -26,6 +26,7 @@ from fingerlab.report.diagnosis_words import (
     left_open,
     listed,
     needed_together,
+    needless_title,
     not_shown,
     on_the_path,
     one_run,
@@ -228,6 +229,8 @@ def step_results(diagnosis: Diagnosis, history: ModelHistory) -> dict[str, str]:
         results["add"] = " + ".join(on_the_path(diagnosis, effect) for effect in history.now.added)
     if diagnosis.better is not None:
         results["true"] = "no, another is better"
+    elif diagnosis.smaller is not None:
+        results["true"] = f"more than needed: {needless_title(diagnosis)}"
     elif rivalled(diagnosis) and diagnosis.verdict == Verdict.NOTHING_MISSING:
         results["true"] = "perhaps, as is another"
     elif holds(diagnosis):

@@ -25,6 +25,7 @@ from fingerlab.report.diagnosis_words import (
     in_sentence,
     judged_on,
     listed,
+    needless_title,
     on_the_path,
     one_run,
     rivalled,
@@ -185,6 +186,8 @@ class ValidationPanel(QWidget):
         model = "The nominal model" if not names else f"The model with {listed(names)}"
         if diagnosis.better is not None:
             self.title.setText("Not true: another model is better")
+        elif diagnosis.smaller is not None:
+            self.title.setText(f"More than is needed: {needless_title(diagnosis)}")
         elif rivalled(diagnosis) and diagnosis.verdict == Verdict.NOTHING_MISSING:
             self.title.setText("Perhaps true: another model is as good")
         elif holds(diagnosis) and one_run(diagnosis):

@@ -22,7 +22,12 @@ from PySide6.QtWidgets import (
 from fingerlab.core.text import fixed, r2_text, score_text
 from fingerlab.prediction.comparing import RunForce
 from fingerlab.report.diagnosis_words import effect_title
-from fingerlab.report.page_tables import COMPARED_COLUMNS, compared_rows, judged_as_they_stand
+from fingerlab.report.page_tables import (
+    COMPARED_COLUMNS,
+    compared_rows,
+    force_got_worse,
+    judged_as_they_stand,
+)
 from fingerlab.thesis.prediction import FORCE_PHASES
 
 from ..widgets.layout import ResultDialog, described
@@ -56,7 +61,9 @@ class ModelsDialog(ResultDialog):
         """Show models that were compared."""
         best = min(found.models, key=lambda one: one.score)
         said = f"{found.session.name}: {best.name} leaves least, {score_text(best.score)} times its floor."
-        self.words.setText(f"{said} {judged_as_they_stand(found)}")
+        self.words.setText(
+            " ".join(filter(None, (said, force_got_worse(found), judged_as_they_stand(found))))
+        )
         self.table.show_rows(
             [
                 (name, ", ".join(map(effect_title, one.effects)) or "–", *rest)

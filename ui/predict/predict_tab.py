@@ -18,7 +18,7 @@ from ..app.tab_registry import Command, Tab, run_commands
 from ..app.undo import UndoSteps
 from ..app.worker import IsCancelled, Progress
 from ..widgets.fields import ViewChoice
-from ..widgets.layout import FLUSH, Panes, described, hbox, vbox
+from ..widgets.layout import FLUSH, Panes, described, fix_width, hbox, vbox
 from ..widgets.tables import ElidedLabel, EmptyPage, header_name
 from ..widgets.theme import small_font
 from .force_panel import PANEL_WIDTH, ForceTable, PredictPanel
@@ -111,8 +111,8 @@ class PredictTab(Tab):
         self.sides.addWidget(self.panel)
         self.sides.addWidget(self.wanted.panel)
         side = QWidget()
-        side.setFixedWidth(PANEL_WIDTH)
         vbox(side, self.views, (self.sides, 1), margins=(8, 0, 0, 0), spacing=8)
+        fix_width(side, PANEL_WIDTH)
         hbox(self.widget, (self.pages, 1), side, margins=(8, 8, 8, 8))
 
     def _show_read(self, wordings: tuple[str, ...]) -> None:

@@ -25,7 +25,7 @@ from fingerlab.library.notes import FILE_NAME, HELP, Note, StoredVerdict, matche
 from fingerlab.library.reviewing import Thumbnail
 
 from ..widgets.fields import set_usable
-from ..widgets.layout import FLUSH, described, hbox, vbox
+from ..widgets.layout import FLUSH, described, fix_width, hbox, vbox
 from ..widgets.tables import ColumnKeeper, ElidedLabel, WholeLabel, copies, heading, remark
 from ..widgets.theme import small_font
 from .session_table import (
@@ -67,7 +67,6 @@ class DetailsPanel(QWidget):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self.setFixedWidth(DETAILS_WIDTH)
         self.title = heading("No session chosen")
         self.title.setWordWrap(True)
         self.file = ElidedLabel()
@@ -128,6 +127,7 @@ class DetailsPanel(QWidget):
         layout.addWidget(self.keep)
         layout.addStretch(1)
         self.notes.setMinimumHeight(80)
+        fix_width(self, DETAILS_WIDTH)
 
     @property
     def note(self) -> Note:

@@ -336,3 +336,11 @@ class ResultDialog(QDialog):
         buttons.rejected.connect(self.reject)
         vbox(self, *items, buttons, spacing=8)
         return buttons.button(QDialogButtonBox.StandardButton.Close)
+
+
+def fix_width(panel: QWidget, usual: int) -> None:
+    """Give a panel at the side its width: the usual one, px, or what its words need where letters are larger.
+
+    To be called when all is in it.
+    """
+    panel.setFixedWidth(max(usual, panel.minimumSizeHint().width()))

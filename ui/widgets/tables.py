@@ -253,6 +253,13 @@ def remark(text: str = "", wrap: bool = True) -> QLabel:
     return label
 
 
+def whole_remark(text: str = "") -> WholeLabel:
+    """A quiet side remark that no layout cuts, whatever stands beside it, and however large letters are."""
+    label = described(WholeLabel(text), font=small_font(), role="muted")
+    label.setTextFormat(Qt.TextFormat.PlainText)
+    return label
+
+
 EMPTY_MARGINS = (80, 0, 80, 0)
 """Of a page without anything to show, px."""
 

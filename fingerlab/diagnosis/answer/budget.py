@@ -9,12 +9,13 @@ and the floor, each with less of it; what one step takes away is a part:
   has seen them all. It goes to the sensors as far as knowing their constants exactly would narrow what the
   model predicts, and to the bench's and the effects' constants for the rest,
 * *between runs*: what a friction that wanders and a tip that is set down anew take up, a value for each run,
-* the *floor*: what does not repeat from cycle to cycle, by the last model,
+  beyond what the floor holds of it,
+* the *floor*: the same as everywhere in the answer, by the last model,
 * the *unknown*: what is left.
 
 No part is below nothing or above the whole. What one effect takes away and a later one brings back is no
 fall: an effect has what is still gone at the end of the path. An error that no model of the path lowers, and
-one below the last model's floor, is all floor and what is left: there is nothing to mend.
+one below the floor, is all floor and what is left: there is nothing to mend.
 """
 
 from __future__ import annotations
@@ -48,7 +49,8 @@ def error_budget(
     """The budget of every family that the answer tells an error of.
 
     Args:
-        base: the model as given. errors: its own, on runs left out. steps: the path as it is told.
+        base: the model as given. errors: its own, on runs left out, with the floors that the answer tells.
+        steps: the path as it is told.
         path: its models, ``base`` first, under the weights of the last. scorer: of the later ones.
     """
     models = [base, *(scorer.score_held_out(one, residuals=True) for one in path[1:])]
@@ -58,16 +60,13 @@ def error_budget(
     last = models[-1]
     seen = _squares(scorer, scorer.residuals_in_sample(last))
     alike = _squares(scorer, scorer.residuals_in_sample(last, own=True))
-    floors = {
-        name: error.floor**2
-        for name, error in equation_errors(scorer.reduced, last, cycles_alone=True).items()
-    }
     falls = _in_any_order(scorer, models, levels, steps)
     spreads = _spreads(scorer, last)
     result = {}
     for name, error in errors.items():
         whole, after = kept[name][0], kept[name][-1]
-        ends = np.minimum.accumulate([after, seen[name], alike[name], floors[name]])
+        floor = min(after, error.floor**2)
+        ends = np.maximum(np.minimum.accumulate([after, seen[name], alike[name], floor]), floor)
         uncertain, between, unknown = ends[:-1] - ends[1:]
         sensors, by_sensor, by_bench = spreads[name]
         parts = []
@@ -81,7 +80,7 @@ def error_budget(
             BudgetPart("parameters", (1.0 - sensors) * uncertain, parameter=by_bench),
             BudgetPart("calibration", sensors * uncertain, parameter=by_sensor),
             BudgetPart("between_runs", between),
-            BudgetPart("floor", float(ends[-1])),
+            BudgetPart("floor", floor),
         ]
         result[name] = Budget(
             error.unit, whole, tuple(replace(p, mean_square=float(p.mean_square)) for p in parts)

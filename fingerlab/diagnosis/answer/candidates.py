@@ -116,7 +116,14 @@ def candidates(
                 parameters=parameters(fitted, one, temperature_for(evidence, fitted)),
                 equations=one.acts_on,
                 explanation=explanation(
-                    evidence, fitted, one, shown, least, models.replaced.get(name, ()), alone
+                    evidence,
+                    fitted,
+                    one,
+                    shown,
+                    least,
+                    models.replaced.get(name, ()),
+                    alone,
+                    i not in judged.chosen,
                 ),
                 detectable=shown,
                 fingerprint=prints.get(one.id),
@@ -220,6 +227,7 @@ def explanation(
     least: float,
     replaced: Sequence[str] = (),
     alone: bool = False,
+    ruled_out: bool = False,
 ) -> str:
     """One or two plain sentences with the evidence in numbers.
 
@@ -230,11 +238,12 @@ def explanation(
         shown: whether it would have shown at a typical strength. least: the multiple of that from which on.
         replaced: ids of the effects of the base in whose place it is in ``fitted``.
         alone: there is one run, of which nothing was held out.
+        ruled_out: it is none of those that could be what is missing.
     """
     error = "the error" if alone else "the held-out error"
     before, after = score_text(evidence.base.score), score_text(fitted.score)
     fall = f"goes from {before} to {after} floors" if before != after else f"stays at {after} floors"
-    said, told = _said(fitted, effect), _told_by_constants(evidence.base, fitted)
+    said, told = _said(fitted, effect), "" if ruled_out else _told_by_constants(evidence.base, fitted)
     if not shown:
         strength = would_have_shown(fitted, effect, least)
         reveal = (effect.reveal_of_an_axis if _on_bench(fitted) else "") or effect.reveal
@@ -258,8 +267,11 @@ def explanation(
 
 
 def _told_by_constants(base: FittedModel, fitted: FittedModel) -> str:
-    """What is to be said where constants of the rig that are off come back with an effect; else nothing."""
-    if base.constants_off - fitted.constants_off < CONSTANTS_SPEAK:
+    """What is to be said where constants of the rig that are off come back with an effect; else nothing.
+
+    Where the misfit falls by what makes a step, that speaks for it.
+    """
+    if justified(base, fitted) or base.constants_off - fitted.constants_off < CONSTANTS_SPEAK:
         return ""
     before, after = base.constants_off, fitted.constants_off
     return (

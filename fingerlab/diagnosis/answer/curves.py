@@ -63,6 +63,26 @@ class Curves:
     failure: Failure | None
 
 
+@dataclass(frozen=True)
+class FloorModel:
+    """The model whose floors an answer tells: the last of its path, and what it was reduced to."""
+
+    reduced: Reduced
+    fitted: FittedModel
+
+    def covariance(self, key: GroupKey) -> Array:
+        """Of what no model can better in these runs, of one sample, (5, 5) over ``Row``, reduced units."""
+        of = self.fitted.model, self.fitted.fit.values, self._group(key), self.fitted.weights[key]
+        return floor_covariance(*of, means=self.reduced.constants is None)
+
+    def arms(self, key: GroupKey) -> tuple[float, float]:
+        """Moment arms at MCP and PIP in these runs, reduced units."""
+        return arms_of(self.fitted, self._group(key))
+
+    def _group(self, key: GroupKey) -> Group:
+        return next(group for group in self.reduced.groups if group.key == key)
+
+
 @dataclass
 class Display:
     """Keeps the stretches that pass by while the sessions are reduced, and draws from them afterwards."""
@@ -83,10 +103,10 @@ class Display:
         drawn = _fingerprint(effect, base, fitted, groups, self.stretches, reduced.on_bench, ({}, {}))
         return drawn if drawn is None or scales == SI else _fingerprint_in_si(drawn, scales)
 
-    def curves(self, reduced: Reduced, evidence: Evidence, offsets: OffsetsOf) -> Curves:
+    def curves(self, reduced: Reduced, evidence: Evidence, offsets: OffsetsOf, told: FloorModel) -> Curves:
         """Comparisons of the model as given, and the fingerprint of every effect tried beside it.
 
-        ``offsets``: what the constants of every run add to a model's residuals.
+        ``offsets``: what the constants of every run add to a model's residuals. ``told``: whose floors are.
         """
         groups = {g.key: g for g in reduced.groups}
         comparisons: list[Comparison] = []
@@ -96,7 +116,7 @@ class Display:
             aside = left_aside(last, kept, following, evidence.base)
             comparisons += [
                 replace(one, aside=tuple(a for a in aside if a.reason != "slack" or one.equation == CABLE))
-                for one in _comparisons(reduced, evidence.base, groups[kept.key], kept, before)
+                for one in _comparisons(reduced, evidence.base, groups[kept.key], kept, before, told)
             ]
             last = kept
         prints = {}
@@ -130,7 +150,7 @@ def comparisons_of(
         one
         for kept in display.stretches
         if (kept.session, kept.run) == (session, run)
-        for one in _comparisons(reduced, fitted, groups[kept.key], kept, offsets)
+        for one in _comparisons(reduced, fitted, groups[kept.key], kept, offsets, FloorModel(reduced, fitted))
     ]
     return tuple(found if scales == SI else (_comparison_in_si(one, scales) for one in found))
 
@@ -161,12 +181,11 @@ def _fingerprint_in_si(one: Fingerprint, scales: Scales) -> Fingerprint:
 
 
 def _comparisons(
-    reduced: Reduced, fitted: FittedModel, group: Group, kept: Kept, offsets: RunOffsets
+    reduced: Reduced, fitted: FittedModel, group: Group, kept: Kept, offsets: RunOffsets, told: FloorModel
 ) -> list[Comparison]:
     present = [row for row in Row if np.any(fitted.model.rows == row)]
     residuals = {row: residual_of(fitted, group, kept, row, offsets) for row in present}
-    of = fitted.model, fitted.fit.values, group, fitted.weights[group.key]
-    noise = floor_covariance(*of, means=reduced.constants is None)
+    noise = told.covariance(group.key)
 
     def one(equation: str, measured: Array, modelled: Array, unit: str, variance: float) -> Comparison:
         return Comparison(
@@ -186,21 +205,21 @@ def _comparisons(
     mean = 0.5 * (residuals[Row.MCP] + residuals[Row.PIP])
     radius = reduced.radius
     spread = 0.25 * (noise[0, 0] + noise[1, 1] + 2 * noise[0, 1])
+    floor_a, floor_b = told.arms(group.key)
     result = [
-        one("mcp_torque", a * pull, a * (pull - residuals[Row.MCP]), "N m", a**2 * noise[0, 0]),
-        one("pip_torque", b * pull, b * (pull - residuals[Row.PIP]), "N m", b**2 * noise[1, 1]),
+        one("mcp_torque", a * pull, a * (pull - residuals[Row.MCP]), "N m", floor_a**2 * noise[0, 0]),
+        one("pip_torque", b * pull, b * (pull - residuals[Row.PIP]), "N m", floor_b**2 * noise[1, 1]),
         one("cable_kinematics", wound, length, "m", noise[2, 2]),
         one("motor_torque", radius * pull, radius * (pull - mean), "N m", radius**2 * spread),
     ]
     if kept.levers is not None:
         force = measured_force(reduced, kept)
-        for equation, arm, lever, row in (
-            ("endpoint_force_pip", b, kept.levers[1], Row.PIP),
-            ("endpoint_force_mcp", a, kept.levers[0], Row.MCP),
+        for equation, arm, floor_arm, lever, row in (
+            ("endpoint_force_pip", b, floor_b, kept.levers[1], Row.PIP),
+            ("endpoint_force_mcp", a, floor_a, kept.levers[0], Row.MCP),
         ):
-            scale = arm / lever
-            variance = float(np.mean(scale**2)) * noise[row, row]
-            result.append(one(equation, force, force + scale * residuals[row], "N", variance))
+            variance = float(np.mean((floor_arm / lever) ** 2)) * noise[row, row]
+            result.append(one(equation, force, force + arm / lever * residuals[row], "N", variance))
     return result
 
 

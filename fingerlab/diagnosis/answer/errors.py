@@ -39,35 +39,58 @@ from fingerlab.sessions.model import CABLE_NAMES, Array, Run
 FAMILY_UNITS = {"joint_torque": "N m", "cable_kinematics": "m", "motor_torque": "N m", "endpoint_force": "N"}
 
 
-def equation_errors(
-    reduced: Reduced, fitted: FittedModel, cycles_alone: bool = False
-) -> dict[str, EquationError]:
+def equation_errors(reduced: Reduced, fitted: FittedModel) -> dict[str, EquationError]:
     """RMSE, R2 and floor of each family on held-out runs.
 
     Args:
         fitted: scored with :meth:`Scorer.score_held_out`.
-        cycles_alone: a floor of what differs from cycle to cycle, without what runs differ by.
     """
     sums: dict[str, Array] = {}
     for group in reduced.groups:
         of = fitted.model, fitted.fit.values, group, fitted.weights[group.key]
-        noise = misfit_floor(*of) if cycles_alone else floor_covariance(*of, means=reduced.constants is None)
-        squares = fitted.residuals[group.key], noise, tip_friction_covariance(*of)
+        squares = fitted.residuals[group.key], tip_friction_covariance(*of)
         for family, values in _families(reduced, fitted, group, squares).items():
-            sums[family] = sums.get(family, np.zeros(5)) + group.samples * np.array([*values, 1.0])
-    result = {}
+            sums[family] = sums.get(family, np.zeros(4)) + group.samples * np.array([*values, 1.0])
+    result, floors = {}, equation_floors(reduced, fitted)
     for family, unit in FAMILY_UNITS.items():
         if family in sums:
-            error, floor, rubbing, spread, count = sums[family]
+            error, rubbing, spread, count = sums[family]
             size = reduced.layout.scales.of(unit)
             result[family] = EquationError(
                 unit,
                 size * float(np.sqrt(error / count)),
                 float(1.0 - error / max(spread, 1e-30)),
-                size * float(np.sqrt(floor / count)),
+                floors[family],
                 size * float(np.sqrt(max(rubbing, 0.0) / count)),
             )
     return result
+
+
+def equation_floors(reduced: Reduced, fitted: FittedModel, cycles_alone: bool = False) -> dict[str, float]:
+    """Floor of each family by a model, rms, SI.
+
+    An answer tells one floor of each, by the last model of its path, as its scores are in the floors of that:
+    noise of the current counts by the arms and the friction that a model finds.
+
+    Args:
+        cycles_alone: what differs from cycle to cycle, without what runs differ by.
+    """
+    sums: dict[str, Array] = {}
+    for group in reduced.groups:
+        of = fitted.model, fitted.fit.values, group, fitted.weights[group.key]
+        noise = misfit_floor(*of) if cycles_alone else floor_covariance(*of, means=reduced.constants is None)
+        for family, (square, _) in _families(reduced, fitted, group, [noise]).items():
+            sums[family] = sums.get(family, np.zeros(2)) + group.samples * np.array([square, 1.0])
+    size = reduced.layout.scales.of
+    return {
+        family: size(FAMILY_UNITS[family]) * float(np.sqrt(square / count))
+        for family, (square, count) in sums.items()
+    }
+
+
+def with_floors(errors: Mapping[str, EquationError], floors: Mapping[str, float]) -> dict[str, EquationError]:
+    """The errors with these floors (rms, SI), by family."""
+    return {family: replace(error, floor=floors[family]) for family, error in errors.items()}
 
 
 def _families(

@@ -17,7 +17,7 @@ from fingerlab.core.progress import SILENT, Watch
 from fingerlab.core.text import ParameterEstimate
 from fingerlab.diagnosis.answer.curves import Display, comparisons_of
 from fingerlab.diagnosis.answer.error_parts import Comparison, EquationError
-from fingerlab.diagnosis.answer.errors import equation_errors
+from fingerlab.diagnosis.answer.errors import equation_errors, with_floors
 from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.diagnosis.answer.stretches import RunOffsets
 from fingerlab.diagnosis.equations.model import Choice
@@ -94,6 +94,8 @@ class ParameterExplorer:
             self._scorer = Scorer(reduction.of(effects, watch, self._display.keep))
         layout = self._scorer.reduced.layout
         self.model = self._scorer.model([Choice(effect) for effect in effects], base.model.tip_law)
+        self._floors = {name: error.floor for name, error in diagnosis.errors.items()}
+        self._drawn_floors = {(c.session, c.run, c.equation): c.floor for c in diagnosis.comparisons}
         self._weights, self._size = base.weights, layout.scales.of
         self._start = np.array([base.values[u.key] for u in self.model.unknowns])
         self.parameters = self._listed(diagnosis, reduction)
@@ -150,7 +152,7 @@ class ParameterExplorer:
                 self._scorer.with_floor_weights()
             )  # a fresh one: else every place of a slider would be kept
             scored = scorer.score_in_sample(fitted, residuals=True)
-            errors = equation_errors(scorer.reduced, scored)
+            errors = with_floors(equation_errors(scorer.reduced, scored), self._floors)
             offsets = residual_offsets(scorer.run_offsets(fitted), self._runs)
         units = (self._size(u.parameter.unit) for u in self.model.unknowns)
         values_si = {
@@ -161,4 +163,5 @@ class ParameterExplorer:
     def comparisons(self, found: WhatIf, session: str, run: str) -> tuple[Comparison, ...]:
         """Measured and modelled of one run: every equation of every stretch, without what is left aside."""
         reduced = self._scorer.reduced
-        return comparisons_of(reduced, found.fitted, self._display, session, run, found.offsets)
+        drawn = comparisons_of(reduced, found.fitted, self._display, session, run, found.offsets)
+        return tuple(replace(c, floor=self._drawn_floors[session, run, c.equation]) for c in drawn)

@@ -109,6 +109,24 @@ class OtherModel:
 
 
 @dataclass(frozen=True)
+class SmallerModel:
+    """The model as given without an effect that it does not need.
+
+    Attributes:
+        removed: id of that effect. effects: ids of those that stay.
+        score: held out, in the floors of the model as given.
+    """
+
+    removed: str
+    effects: tuple[str, ...]
+    score: float
+
+    def to_json(self) -> dict[str, Any]:
+        """The object "smaller_model" of ``diagnose --json``."""
+        return {"remove": [self.removed], "score": self.score}
+
+
+@dataclass(frozen=True)
 class HeldOutRuns:
     """The model as given on runs that were told one motion, each left out of the fit that is scored on it.
 
@@ -243,7 +261,8 @@ class Diagnosis:
     ``repeats``: motions of every kind of run came again, which tells the floor; else see ``score.floors``,
     and ``partly_repeats`` whether those of some kind did. ``floor_from``: what the floor rests on.
     ``better``: with given effects exchanged, and likelier than ``model`` and what may be missing beside it;
-    the path leads there. ``as_good``: others that these data cannot tell from the best.
+    the path leads there. ``as_good``: others that these data cannot tell from the best. ``smaller``: with one
+    given effect taken off, which explains as much, where nothing is missing.
     ``calibration`` says what the probabilities were learned from, ``odds`` what they were before, and
     ``predicted`` what of the proposed run was.
     ``held``: unknowns that somebody held, by key, and their values, SI; all that is told holds only then.
@@ -286,6 +305,7 @@ class Diagnosis:
     bench: tuple[BenchFinding, ...] = ()
     better: OtherModel | None = None
     as_good: tuple[OtherModel, ...] = ()
+    smaller: SmallerModel | None = None
     calibration: CalibratedAnswer | None = None
     odds: Odds | None = None
     predicted: Predicted | None = None
@@ -352,6 +372,7 @@ class Diagnosis:
             **({"paired": [asdict(one) for one in self.paired]} if self.paired else {}),
             "better_model": None if self.better is None else self.better.to_json(),
             "as_good_models": [one.to_json() for one in self.as_good],
+            "smaller_model": None if self.smaller is None else self.smaller.to_json(),
             **({} if self.calibration is None else {"typical": self.calibration.typicality}),
             "calibration": None if self.calibration is None else self.calibration.to_json(),
             **({"held": dict(self.held)} if self.held else {}),

@@ -7,12 +7,13 @@ its own.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from math import sqrt
 
 import numpy as np
 
-from fingerlab.diagnosis.answer.error_parts import RowAndScore
-from fingerlab.diagnosis.answer.errors import equation_errors
+from fingerlab.diagnosis.answer.error_parts import EquationError, RowAndScore
+from fingerlab.diagnosis.answer.errors import equation_floors
 from fingerlab.diagnosis.fit.solver import Fitter
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.score.scorer import Scorer
@@ -21,26 +22,28 @@ from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
 from fingerlab.effects.base import Row
 
 
-def row_and_score(scorer: Scorer, fitted: FittedModel) -> RowAndScore | None:
+def row_and_score(
+    scorer: Scorer, fitted: FittedModel, errors: Mapping[str, EquationError]
+) -> RowAndScore | None:
     """The factors of a motor alone; None beside a finger, and where the floor is the least there can be.
 
     Args:
-        fitted: scored on held-out runs, with its residuals.
+        fitted: scored on held-out runs. errors: as they are told of it, by family.
     """
     groups = scorer.reduced.groups
     weights = np.array([fitted.weights[group.key][Row.BENCH, Row.BENCH] for group in groups])
     if not scorer.reduced.on_bench or weights.max() > TOO_FINE / LEAST_TORQUE_SPREAD**2:
         return None
-    row = equation_errors(scorer.reduced, fitted)["motor_torque"]
-    alone = equation_errors(scorer.reduced, fitted, cycles_alone=True)["motor_torque"]
-    if min(row.floor, alone.floor) <= 0.0:
+    whole = errors["motor_torque"].floor
+    alone = equation_floors(scorer.reduced, fitted, cycles_alone=True)["motor_torque"]
+    if min(whole, alone) <= 0.0:
         return None
     weighed = Fitter(fitted.model, scorer.data, fitted.weights)
     full = _in_floors(scorer, fitted, weighed)
     weighed.set_friction_weights(fitted.fit.values)
     less = _in_floors(scorer, fitted, weighed)
     return RowAndScore(
-        runs=row.floor / alone.floor * fitted.score / less,
+        runs=whole / alone * fitted.score / less,
         stuck=less / full,
     )
 

@@ -34,9 +34,12 @@ from fingerlab.diagnosis.settings import (
     NEXT_SHARE,
     OVERFIT_MOST,
     OVERFIT_SHARE,
+    PRIOR_EFFECTS,
+    PRIOR_NOTHING,
     STRENGTH_POINTS,
     STRONGEST,
     SYSTEMATIC_VALUES,
+    TOLD_ODDS,
     UNLIKE_SHEATHS,
     USUAL_FREEDOM,
     USUAL_LEFT,
@@ -62,6 +65,15 @@ def justified(base: FittedModel, fitted: FittedModel, level: float = 0.0, reach:
     gain = 0.5 * (fall - complexity_penalty(base, fitted) - in_contact * fitted.count) / temperature
     likely = gain > DECIDING_LOG_ODDS + cost_of_choice(fitted)
     return bool(likely and explained > least_explained(base, base.misfit, base.count, in_contact))
+
+
+def constants_speak(base: FittedModel, fitted: FittedModel) -> bool:
+    """Whether constants of the rig that are off in ``base``, and come back with the last effect, tell it.
+
+    By the odds that a verdict takes for that (``evidence.share_undetected``), at the fitted strength.
+    """
+    prior = PRIOR_EFFECTS / max(len(fitted.model.layout.effects), 1) / PRIOR_NOTHING
+    return 0.5 * (base.constants_off - fitted.constants_off) > math.log(TOLD_ODDS / prior)
 
 
 def redundant_steps(steps: Sequence[FittedModel]) -> list[int]:

@@ -4,7 +4,8 @@ What is tried beside a model as given says nothing of what would do better in it
 takes up most of what the right one does leaves too little for that one to be missed. So every given effect is
 taken out again, and the effects that promise as much are tried where it stood: by the score test first, then
 by a fit. Whole models are compared, on the same held-out runs and under the same weights; the path from the
-model as given is one of them.
+model as given is one of them. So is the model with one given effect fewer: what it leaves tells whether that
+one earns its place.
 """
 
 from __future__ import annotations
@@ -19,7 +20,12 @@ from fingerlab.diagnosis.fit.data import Weights
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.score.scorer import Scorer
-from fingerlab.diagnosis.score.selection import justified, log_odds_among, misfit_of_log_odds
+from fingerlab.diagnosis.score.selection import (
+    constants_speak,
+    justified,
+    log_odds_among,
+    misfit_of_log_odds,
+)
 from fingerlab.diagnosis.search.grid_refinement import can_refine, extend_path, refine_last
 from fingerlab.diagnosis.search.next_effect import climb_grid, screen
 from fingerlab.diagnosis.settings import (
@@ -41,7 +47,8 @@ class ExchangedModel:
     """Another model of the same recordings.
 
     Attributes:
-        removed: id of the given effect that is not in it. added: ids of those in its place, in order.
+        removed: id of the given effect that is not in it. added: ids of those in its place, in order; none:
+            nothing is.
         steps: from the first exchange on, each held out under the weights of the model as given.
         scorer: what fitted them.
         log_odds: against the model as given or, where that is likelier, the end of the path from it.
@@ -111,6 +118,21 @@ def find_rivals(
             if known is None or known.log_odds < one.log_odds:
                 found[one.removed, one.added] = one
     return sorted(found.values(), key=lambda one: -one.log_odds)
+
+
+def without_needless(given: Given) -> ExchangedModel | None:
+    """The model as given without the effect that earns its place least; None: every one earns it.
+
+    An effect earns it as a step of a path does, or by constants of the rig that are off without it.
+    """
+    found: list[ExchangedModel] = []
+    for place, choice in enumerate(given.fitted.choices):
+        own, _ = given.last(place)
+        fewer = given.scorer.fit(own.choices[:-1], own, FULL_ITERATIONS, own.weights)
+        without = given.scorer.score_held_out(fewer)
+        if not (justified(without, own) or constants_speak(without, own)):
+            found.append(ExchangedModel(choice.effect.id, (), (without,), given.scorer))
+    return min(found, key=lambda one: one.fitted.misfit, default=None)
 
 
 def odds_of_rivals(rivals: Sequence[ExchangedModel]) -> dict[str, float]:

@@ -27,7 +27,14 @@ from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.score.floors import scored_in_floors, weights_at_floor
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.score.selection import justified, lacks_fit
-from fingerlab.diagnosis.search.exchange import ExchangedModel, Given, extended, find_rivals, odds_of_rivals
+from fingerlab.diagnosis.search.exchange import (
+    ExchangedModel,
+    Given,
+    extended,
+    find_rivals,
+    odds_of_rivals,
+    without_needless,
+)
 from fingerlab.diagnosis.search.first_step import FirstStep, Question, RefinedPath, first_step, refined_path
 from fingerlab.diagnosis.search.grid_refinement import (
     can_refine,
@@ -65,6 +72,7 @@ class Found:
         rivals: models with a given effect exchanged that the data prefer, or hardly tell from it; best first.
         many: whether the path is one of many effects, found together.
         looked_at: further effects that could be the one, between the points of their grids.
+        smaller: the model as given with one effect fewer, which explains as much; None: there is no such one.
     """
 
     scorer: Scorer
@@ -74,6 +82,7 @@ class Found:
     rivals: Sequence[ExchangedModel] = ()
     many: bool = False
     looked_at: Refined = field(default_factory=dict)
+    smaller: ExchangedModel | None = None
 
     @property
     def models(self) -> list[FittedModel]:
@@ -170,14 +179,16 @@ def search_effects(question: Question, begun: Begun) -> Found:
         evidence = with_first_step(evidence, path)
     evidence = judged_with_path(evidence, path[-1])
     rivals: list[ExchangedModel] = []
+    smaller = None
     if question.alone is not None:
         path = [evidence.base, *path[1:]]
         given = Given(scorer, path[0], *question.alone)
         rivals = _rivals(question, given, path, refined or scorer, evidence.candidates)
+        smaller = without_needless(given)
         evidence = with_rivals(evidence, odds_of_rivals(rivals))
         if rivals and rivals[0].better:
             path, refined = [evidence.base, *rivals[0].steps], rivals[0].scorer
-    found = Found(scorer, evidence, path, refined, rivals, many is not None, looked_at)
+    found = Found(scorer, evidence, path, refined, rivals, many is not None, looked_at, smaller)
     if not all(group.repeats for group in scorer.reduced.groups):
         found = _in_floors(question, found)
     return _with_what_could_hide(found)
@@ -245,10 +256,8 @@ def _in_floors(question: Question, found: Found) -> Found:
     scorer = found.scorer.with_floor_weights()
     evidence = rescore(scorer, found.evidence, weights)
     by, steps = scored_in_floors(found.refined or found.scorer, found.path[1:], weights)
-    rivals = []
-    for rival in found.rivals:
-        its, exchanged = scored_in_floors(rival.scorer, rival.steps, weights)
-        rivals.append(replace(rival, scorer=its, steps=tuple(exchanged)))
+    rivals = [_other_in_floors(rival, weights) for rival in found.rivals]
+    smaller = None if found.smaller is None else _other_in_floors(found.smaller, weights)
     path, refined = [evidence.base, *steps], None if found.refined is None else by
     if lacks_fit(path[-1]):
         evidence = at_least_as_unknown(
@@ -259,7 +268,13 @@ def _in_floors(question: Question, found: Found) -> Found:
         for name, (old, model) in found.looked_at.items()
         for its, (one,) in [scored_in_floors(old, [model], weights)]
     }
-    return Found(scorer, evidence, path, refined, rivals, found.many, looked_at)
+    return Found(scorer, evidence, path, refined, rivals, found.many, looked_at, smaller)
+
+
+def _other_in_floors(other: ExchangedModel, weights: Weights) -> ExchangedModel:
+    """Another model with its scores in the floors of these weights."""
+    scorer, steps = scored_in_floors(other.scorer, other.steps, weights)
+    return replace(other, scorer=scorer, steps=tuple(steps))
 
 
 def _rivals(

@@ -93,9 +93,9 @@ def test_a_pause_is_a_gap(rig: Rig, qtbot: QtBot) -> None:
 
 def test_a_run_that_cannot_be_used_is_told_across_the_window(connect_rig) -> None:  # type: ignore[no-untyped-def]
     """Cycles lost each second leave no piece that can be used; a run that lost none is told at the bottom."""
-    rig = connect_rig(Faults(lost={1000 * second: 3 for second in range(3, 8)}))
+    rig = connect_rig(Faults(lost={1000 * second: 3 for second in range(5, 10)}))
     rig.click("record")
-    rig.run(1.0)
+    rig.run(3.2)
     rig.click("record")
     rig.run(0.2)
     assert not rig.window.message.isVisible()

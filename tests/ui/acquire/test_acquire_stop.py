@@ -220,9 +220,7 @@ def test_stop_without_a_rig_does_nothing(make_window, qtbot: QtBot) -> None:  # 
 
 def test_another_key_for_the_foot_switch(rig: Rig) -> None:
     """Which is kept; where the display has no key for the whole system, the log and STOP say so."""
-    assert any(
-        "Pause stops the motor only while FingerLab is in front" in line for line in rig.window.context.log
-    )
+    assert any("Pause is heard only while FingerLab is in front" in line for line in rig.window.context.log)
     (chosen,) = (action for action in rig.window.findChildren(QAction) if action.text() == "F14")
     chosen.trigger()
     assert rig.window.settings.stop_key() == "F14"

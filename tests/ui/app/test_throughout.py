@@ -93,6 +93,45 @@ def test_the_bar_tells_the_time_left(qtbot: QtBot) -> None:
     assert bar.text.text() == "Comparing: run 3 of 4, about 4 s left"
 
 
+@pytest.mark.qt_log_ignore("This plugin does not support")
+def test_the_bar_gives_its_words_the_room_of_work_that_does_not_run(qtbot: QtBot) -> None:
+    """A sentence had been cut off while a third of the line beside it was empty; the height stays."""
+    tasks = Runner()
+    bar = TaskBar(tasks)  # type: ignore[arg-type]
+    qtbot.addWidget(bar)
+    bar.resize(600, bar.sizeHint().height())
+    bar.show()
+    QApplication.processEvents()
+    idle, height = bar.text.width(), bar.height()
+    assert idle >= 600 - 8
+    tasks.started.emit("Comparing")
+    QApplication.processEvents()
+    assert bar.text.width() < idle
+    assert bar.height() == height >= bar.cancel.height()
+
+
+@pytest.mark.parametrize(
+    ("key", "names"),
+    [("fit", ("analyse",)), ("predict", ("addModels",)), ("sessions", ("openInLab", "keepNotes"))],
+)
+def test_buttons_at_the_side_are_whole_with_larger_letters(
+    make_window, qapp: QApplication, key: str, names: tuple[str, ...]
+) -> None:  # type: ignore[no-untyped-def]
+    usual = qapp.font()
+    larger = qapp.font()
+    larger.setPointSizeF(1.5 * usual.pointSizeF())
+    qapp.setFont(larger)
+    try:
+        window: MainWindow = make_window(diagnose=invented_diagnosis)
+        window.show_tab(key)
+        QApplication.processEvents()
+        for name in names:
+            button = child(window, QPushButton, name)
+            assert button.width() >= button.sizeHint().width(), name
+    finally:
+        qapp.setFont(usual)
+
+
 @pytest.mark.parametrize("key", ["acquire", "calibrate", "sessions", "fit", "predict", "model_lab"])
 def test_in_the_smallest_window_nothing_is_squeezed(make_window, key: str) -> None:  # type: ignore[no-untyped-def]
     """A tab has the room that it needs: its own, or with scroll bars that lead to the rest."""

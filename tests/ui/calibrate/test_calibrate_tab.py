@@ -220,6 +220,18 @@ def test_a_step_that_was_forgotten_is_waited_for(bench: Bench) -> None:
     bench.work(2)
 
 
+def test_the_first_mark_of_a_joint_waits_for_a_hand_as_the_others_do(bench: Bench) -> None:
+    bench.run(1.0)
+    bench.click("start-mcp")
+    bench.run(12.0)
+    assert bench.label("calibrationStep") == "Step 1 of 14 – first pass"
+    assert bench.label("calibrationState") == (
+        "Waiting: the reading is still where it stood; if it is as asked, say so."
+    )
+    bench.click("takeStep")  # it stands at the mark already
+    bench.work(1)
+
+
 def test_rejecting_and_going_back(bench: Bench) -> None:
     bench.click("start-load-cell")
     bench.work()

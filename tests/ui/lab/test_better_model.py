@@ -11,7 +11,7 @@ import pytest
 from PySide6.QtWidgets import QFrame, QLabel, QPushButton
 from pytestqt.qtbot import QtBot
 
-from fingerlab.diagnosis.answer.results import Diagnosis, OtherModel, PathStep
+from fingerlab.diagnosis.answer.results import Diagnosis, OtherModel, PathStep, SmallerModel
 from fingerlab.report.diagnosis_words import verdict_sentence
 from fingerlab.sessions import Session
 from fingerlab.ui.app.window import MainWindow
@@ -120,3 +120,45 @@ def test_true_is_not_said_of_what_leaves_too_much_or_is_one_of_two(window: MainW
         validation.show_history(history)
         assert validation.title.text() == title
         assert step_results(diagnosis, history)["true"] == word
+
+
+def test_an_effect_that_is_not_needed_is_named_and_taken_off_at_a_click(
+    qtbot: QtBot, make_window: Any, session_file: Path
+) -> None:
+    def diagnose(sessions: Sequence[Session], added: tuple[str, ...], *_: object) -> Diagnosis:
+        found = invented.friction_diagnosis(str(sessions[0].path))
+        if len(added) < 2:
+            return found if added else invented.nominal_diagnosis(str(sessions[0].path))
+        return replace(found, model=added, smaller=SmallerModel("joint_coupling", added[:1], 1.12))
+
+    window = make_window(diagnose=diagnose)
+    lab = lab_of(window)
+    window.context.open_paths([session_file])
+    wait_for_result(qtbot, window)
+    for effect in ("coulomb_friction", "joint_coupling"):
+        lab.controller.add(effect)
+        qtbot.waitUntil(
+            lambda last=effect: lab.controller.history.now.added[-1:] == (last,) and not window.tasks.busy,
+            timeout=PATIENCE,
+        )
+    assert lab.view.validation.title.text() == "More than is needed: stiffness between MCP and PIP"
+    assert lab.view.steps.result("true") == "more than needed: stiffness between MCP and PIP"
+    said = (
+        "Stiffness between MCP and PIP is not needed in the model: without it the error on runs left out of "
+        "the fit is 1.12 instead of 1.10 times the bench's own repeatability, too little to tell the two "
+        "apart."
+    )
+    assert child(window, QLabel, "betterModelText").text() == said
+    assert lab.controller.diagnosis is not None
+    assert said in verdict_sentence(lab.controller.diagnosis)
+    assert not child(window, QPushButton, "exchange").isVisible()
+    click(window, "takeOff")
+    qtbot.waitUntil(
+        lambda: lab.controller.history.now.added == ("coulomb_friction",) and not window.tasks.busy,
+        timeout=PATIENCE,
+    )
+    assert not child(window, QFrame, "betterModel").isVisible()
+    assert lab.view.validation.title.text() == "True, as far as these recordings can show"
+    assert lab.view.path.path.bars[-1].title == "− Stiffness between MCP and PIP"
+    click(window, "undo")
+    assert lab.controller.history.now.added == ("coulomb_friction", "joint_coupling")
