@@ -334,7 +334,8 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
     verdict = evidence.verdict
     reduction, by_last = question.reduction, found.refined or scorer
     first_by, told_by, told_path = _told_path(question, found)
-    floors = equation_floors(told_by.reduced, told_path[-1])
+    floor_by, floor_of = _whose_floors((first_by, told_path[0]), (told_by, told_path[-1]))
+    floors = equation_floors(floor_by.reduced, floor_of)
     sessions, errors = reduction.sessions, with_floors(_errors(first_by, told_path[0]), floors)
     runs = [run for session in sessions for run in session.runs]
     usual = session_features(runs, errors.values(), evidence.base.score, path[-1].score)
@@ -349,7 +350,7 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
     def offsets(fitted: FittedModel) -> dict[tuple[str, str], Array]:
         return residual_offsets(scorer.run_offsets(fitted), reduction.runs)
 
-    curves = None if display is None else _curves(display, scorer, evidence, offsets, told_by, told_path[-1])
+    curves = None if display is None else _curves(display, scorer, evidence, offsets, floor_by, floor_of)
     replacing = _replacing(evidence, found.rivals)
     closer = {name: one.scorer.with_sensitivity(one.steps[0]) for name, one in replacing.items()}
     if found.refined is not None and found.better is None:
@@ -428,6 +429,17 @@ def _told_path(question: Question, found: Found) -> tuple[Scorer, Scorer, Sequen
         return scorer, found.refined or scorer, [found.evidence.base, *found.path[1:]]
     alone, fitted = question.alone
     return alone, alone, [alone.score_held_out(fitted, residuals=True)]
+
+
+def _whose_floors(
+    first: tuple[Scorer, FittedModel], last: tuple[Scorer, FittedModel]
+) -> tuple[Scorer, FittedModel]:
+    """The model by which floors are told, and what scored it: the last one, as the scores are.
+
+    Of a motor alone the given one, under the weights of the last: how well its torque repeats no effect has a
+    say in, and by what friction of another size in each run would look like the score takes off its own.
+    """
+    return first if first[0].reduced.on_bench else last
 
 
 def _errors(scorer: Scorer, fitted: FittedModel) -> dict[str, EquationError]:
