@@ -35,6 +35,7 @@ from fingerlab.diagnosis.answer.results import (
     PathStep,
 )
 from fingerlab.diagnosis.answer.row_and_score import row_and_score
+from fingerlab.diagnosis.answer.shape_spread import variance_over_shapes
 from fingerlab.diagnosis.equations.model import Choice, build
 from fingerlab.diagnosis.fit.data import Weights
 from fingerlab.diagnosis.gram.reduction import Reduction
@@ -353,7 +354,15 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
     prints = curves.fingerprints if curves else {}
     reported = {**fitted_to_the_end(scorer, evidence), **closer}
     judged = JudgedEffects(evidence, probability, chosen, stuck)
-    told = ToldModels(closer, reported, replaced)
+    open_ones = {evidence.candidates[i].last_effect.id for i in chosen}
+    between = {name: by for name, (by, _) in found.looked_at.items()}
+    if found.refined is not None and len(path) > 1:
+        between[path[1].last_effect.id] = found.refined
+    variances = {
+        name: variance_over_shapes(by, closer[name]) for name, by in between.items() if name in open_ones
+    }
+    of_last = {} if found.refined is None else variance_over_shapes(found.refined, path[-1])
+    told = ToldModels(closer, reported, replaced, variances)
     pairs = [(session, run) for (session, _), run in zip(reduction.runs, reduction.analysed, strict=True)]
     each_share, parts = run_shares(pairs, scorer.reduced, evidence.base)
     excluded, excluded_by_motion = excluded_times(reduction, scorer.reduced, evidence.base)
@@ -375,7 +384,7 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
         probability_nothing=probability[Verdict.NOTHING_MISSING],
         probability_unknown=probability[Verdict.NOT_IN_CATALOGUE],
         parameters=every_parameter(evidence.base, temperature_for(evidence, evidence.base)),
-        final_parameters=every_parameter(path[-1], temperature_for(evidence, path[-1])),
+        final_parameters=every_parameter(path[-1], temperature_for(evidence, path[-1]), of_last),
         comparisons=curves.comparisons if curves else (),
         failure=curves.failure if curves else None,
         held_out=held_out_runs(reduction.analysed, scorer.reduced, evidence.base),

@@ -214,6 +214,9 @@ class Effect:
         follows: numbers of a shape that are the sum of other unknowns of the model, and those unknowns' keys,
             or a number of another effect's shape (:func:`of_shape`); grid refinement takes them from the
             model, on the coarse grid they are missing.
+        slopes: at a shape, from the gains found there by name: for a number of the shape, by how much each gain
+            that stands for a small change of it would be another one per unit of the number; grid refinement
+            moves the number until these gains are nothing.
         turns: by how much (rad) the load cell's face is turned against the finger at a point of ``shapes``;
             what the tip does along the face turns with it.
         family: one of ``FAMILIES``. formula: what is printed of it.
@@ -249,6 +252,7 @@ class Effect:
     special: Literal["", "delay", "slack"] = ""
     relaxes: Mapping[str, Parameter] = field(default_factory=dict)
     follows: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    slopes: Callable[[Shape, Mapping[str, float]], Mapping[str, Mapping[str, float]]] | None = None
     turns: Callable[[Shape], float] | None = None
     family: str = FAMILIES[-1]
     formula: Formula | None = None

@@ -1,11 +1,12 @@
 """A stiff end of travel, flat or round."""
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
-from fingerlab.effects.base import Effect, Example, Formula, Row, Shape, Term, plus
-from fingerlab.effects.joints import both, joint_terms
+from fingerlab.effects.base import Effect, Example, Formula, Row, Shape, Term, either, every, plus
+from fingerlab.effects.joints import ANGLES, both, joint_terms
 from fingerlab.physics.motion import Motion, nothing
 from fingerlab.physics.parameter import Parameter
 from fingerlab.sessions.model import Array
@@ -39,6 +40,13 @@ def _pressed(motion: Motion, joint: str, edge: float, hertz: bool, velocity: Arr
     return [side * torque, side * slope, torque * velocity]
 
 
+def _edge_slopes(shape: Shape, gains: Mapping[str, float]) -> dict[str, dict[str, float]]:
+    """What a degree by which the edge lies elsewhere adds to the torque of a shifted edge, N m."""
+    power, side = 1.5 if shape["hertz"] else 1.0, math.copysign(1.0, shape["edge_deg"])
+    per_degree = -side * power * math.radians(1.0)
+    return {"edge_deg": {f"shift_{j}": per_degree * gains[f"stop_{j}"] for j in ANGLES}}
+
+
 EFFECT = Effect(
     id="joint_stop",
     title="Stiff end of travel",
@@ -57,7 +65,8 @@ EFFECT = Effect(
         {"edge_deg": 5.0 * k, "hertz": hertz} for hertz in (0.0, 1.0) for k in (*range(-8, 0), *range(2, 10))
     ),
     shape_units={"edge_deg": "deg"},
-    closer=plus("edge_deg", tuple(0.5 * k for k in range(-8, 9))),
+    closer=every(plus("edge_deg", tuple(0.5 * k for k in range(-8, 9))), either("hertz", (0.0, 1.0))),
+    slopes=_edge_slopes,
     formula=Formula(
         equation=(
             r"\tau_j = \sigma u_j^p\left(K_s + d\,\sigma\dot\theta_j\right) + \sigma "
