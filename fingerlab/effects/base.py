@@ -200,8 +200,8 @@ class Effect:
         mend: what on the bench makes it smaller, a sentence.
         shapes: grid of the nonlinear unknowns; each point is a mapping name -> value.
         shape_units: unit of each nonlinear unknown; what ``shapes`` holds beyond these are switches, 0 or 1.
-        shapes_seen: what recordings of the motor alone suggest in place of ``shapes``, from their motions;
-            these may name unknowns that ``shapes`` does not.
+        shapes_seen: what recordings of the motor alone suggest in place of ``shapes``, from their motions, and
+            of the finger for what no motor alone shows; these may name unknowns that ``shapes`` does not.
         switches_seen: switches that they may hold beyond ``shapes``.
         closer: shapes around one that was found, finer than the grid, and of other laws of the same physics
             (what these name beyond the grid's shapes is 0 where it is missing); tried by grid refinement.
