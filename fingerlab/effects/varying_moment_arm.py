@@ -4,13 +4,12 @@ import math
 
 import numpy as np
 
-from fingerlab.effects.base import Effect, Example, Formula, Row, Shape, Term
+from fingerlab.effects.base import Effect, Example, Formula, Row, Scale, Shape, Term
 from fingerlab.effects.joints import ANGLES
 from fingerlab.physics import nominal
 from fingerlab.physics.motion import Motion
 from fingerlab.physics.parameter import Parameter
 from fingerlab.sessions.model import Array
-
 
 FOLLOWING = {
     f"{kind}_{joint}": (f"varying_moment_arm.{kind}_{joint}",)
@@ -32,11 +31,13 @@ def columns(motion: Motion, shape: Shape) -> list[Term]:
     """
     f, q = motion.finger_and_joints
     sign = float(motion.cable_sign)
-    levers = zip(ANGLES, (Row.MCP, Row.PIP), motion.contact_torques, strict=True)
+    at_mcp, at_pip = motion.contact_torques
+    each: tuple[tuple[str, Row, Array, Array, Scale], ...] = (
+        ("mcp", Row.MCP, q.mcp, nominal.mcp_torque(f, q).total + at_mcp, "arm_mcp"),
+        ("pip", Row.PIP, q.pip, nominal.pip_torque(f, q).total + at_pip, "arm_pip"),
+    )
     terms = []
-    for joint, row, contact in levers:
-        angle: Array = getattr(q, joint)
-        torque = (nominal.mcp_torque if row is Row.MCP else nominal.pip_torque)(f, q).total + contact
+    for joint, row, angle, torque, scale in each:
         grown = shape.get(f"growth_{joint}", 0.0) + sign * shape.get(f"turn_{joint}", 0.0)
         if grown:
             arm = np.maximum(1.0 + grown * angle, LEAST_ARM)
@@ -48,7 +49,7 @@ def columns(motion: Motion, shape: Shape) -> list[Term]:
         for name, side in (("growth", 1.0), ("turn", sign)):
             terms += [
                 Term(row, f"{name}_{joint}", side * slope, "joint"),
-                Term(Row.CABLE, f"{name}_{joint}", 0.5 * side * angle**2, f"arm_{joint}"),
+                Term(Row.CABLE, f"{name}_{joint}", 0.5 * side * angle**2, scale),
             ]
     return terms
 

@@ -30,9 +30,7 @@ def variance_over_shapes(scorer: Scorer, fitted: FittedModel) -> dict[str, float
         before, after = fitted.choices[:k], fitted.choices[k + 1 :]
         shapes = (Choice(choice.effect, i) for i in range(len(choice.effect.shapes)))
         tried = [
-            scorer.score_in_sample(
-                scorer.fit_same_law([*before, one, *after], fitted, LOOKING_ITERATIONS)
-            )
+            scorer.score_in_sample(scorer.fit_same_law([*before, one, *after], fitted, LOOKING_ITERATIONS))
             for one in shapes
         ]
         left = np.array([max(one.misfit, 0.0) / max(one.count, 1.0) for one in tried])

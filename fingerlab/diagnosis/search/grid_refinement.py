@@ -164,7 +164,7 @@ def _moved_shapes(fitted: FittedModel) -> list[Choice]:
 
 
 def _steps(choice: Choice, fitted: FittedModel) -> dict[str, float]:
-    """By how much numbers of a shape are off by the gains that stand for it; not those that are known no closer.
+    """By how much numbers of a shape are off by the gains that stand for them; none that is known no closer.
 
     A gain that stands for a small change of a number does so to first order alone: of a stop whose edge is a
     quarter of a degree off, what lies between the two edges is left. Least squares over the gains (Newton).
