@@ -11,7 +11,7 @@ from fingerlab.physics.motion import Motion, nothing
 from fingerlab.physics.parameter import Parameter
 from fingerlab.sessions.model import Array
 
-END_DEPTHS_DEG = (0.7, 1.5, 3.0, 6.0, 12.0)
+END_DEPTHS_DEG = (1.0, 2.5, 5.0, 10.0)
 """So far before the furthest that a joint went its stop is looked for, degrees; assumed: a stiff end is
 entered by degrees, and a grid of 5 degrees passes over one that is entered by one."""
 

@@ -169,7 +169,7 @@ def test_a_stop_is_looked_for_where_the_joints_went_furthest() -> None:
     assert effect.shapes_seen is not None
     edges = {shape["edge_deg"] for shape in effect.shapes_seen([moving()])}
     ends = np.degrees([-0.05, 0.45, -0.2, 0.5])  # lowest and highest of MCP, then of PIP
-    for depth in (0.7, 1.5):
+    for depth in (1.0, 2.5):
         for end in ends:
             assert round(end - np.sign(end) * depth, 1) in edges
     assert min(edges) > ends.min()
