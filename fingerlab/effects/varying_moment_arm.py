@@ -82,8 +82,8 @@ EFFECT = Effect(
         ),
         symbols=(
             "p: growth that both routings share. q: growth that turns with the side on which the "
-            "cable runs. The tension carries 1/a(θ₁), to second order in p; its square has a gain w "
-            "of its own."
+            "cable runs. The tension carries 1/a(θ₁): to second order in p, whose square has a gain w of "
+            "its own, and exactly once p is known."
         ),
         source="Ours, by virtual work: a length that changes with the angle is an arm that does.",
         values={
