@@ -39,7 +39,7 @@ def columns(motion: Motion, shape: Shape) -> list[Term]:
     terms = []
     for joint, row, angle, torque, scale in each:
         grown = shape.get(f"growth_{joint}", 0.0) + sign * shape.get(f"turn_{joint}", 0.0)
-        if grown:
+        if any(shape.get(name) for name in FOLLOWING):  # the same columns for both cables
             arm = np.maximum(1.0 + grown * angle, LEAST_ARM)
             slope = -torque * angle / arm**2
             terms.append(Term(row, "", torque * (1.0 / arm - 1.0) - grown * slope, "joint", constant=1.0))

@@ -271,10 +271,12 @@ def test_around_the_growth_that_was_found_the_arm_is_told_exactly(sign: int) -> 
     motion = moving(sign=sign, force=1.0)
     q = motion.joints
     assert q is not None
-    found = {"growth_mcp": 0.3, "growth_pip": -0.2, "turn_mcp": 0.1, "turn_pip": 0.35}
+    found = {"growth_mcp": 0.3, "growth_pip": -0.2, "turn_mcp": 0.3, "turn_pip": 0.35}
     terms = CATALOGUE["varying_moment_arm"].columns(motion, found)
+    other = CATALOGUE["varying_moment_arm"].columns(moving(sign=-sign, force=1.0), found)
+    assert [(t.row, t.gain) for t in terms] == [(t.row, t.gain) for t in other]
     for row, angle, grown, lhs in (
-        (Row.MCP, q.mcp, 0.3 + 0.1 * sign, nominal.mcp_torque(FINGER, q).total),
+        (Row.MCP, q.mcp, 0.3 + 0.3 * sign, nominal.mcp_torque(FINGER, q).total),
         (Row.PIP, q.pip, -0.2 + 0.35 * sign, nominal.pip_torque(FINGER, q).total),
     ):
         torque = lhs + contact_lever(row, q) * motion.force
