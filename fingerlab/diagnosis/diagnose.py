@@ -43,6 +43,7 @@ from fingerlab.diagnosis.answer.results import (
     SmallerModel,
 )
 from fingerlab.diagnosis.answer.row_and_score import row_and_score
+from fingerlab.diagnosis.answer.shape_spread import variance_over_shapes
 from fingerlab.diagnosis.equations.model import Choice, build
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.gram.run_constants import residual_offsets
@@ -362,7 +363,10 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
     prints = curves.fingerprints if curves else {}
     reported = {**fitted_to_the_end(scorer, evidence), **closer}
     judged = JudgedEffects(evidence, probability, chosen, stuck)
-    told = ToldModels(closer, reported, replaced)
+    open_ones = {evidence.candidates[i].last_effect.id for i in chosen}
+    variances = _variances(found, {name: one for name, one in closer.items() if name in open_ones})
+    of_last = {} if found.refined is None else variance_over_shapes(found.refined, path[-1])
+    told = ToldModels(closer, reported, replaced, variances)
     pairs = [(session, run) for (session, _), run in zip(reduction.runs, reduction.analysed, strict=True)]
     each_share, parts = run_shares(pairs, scorer.reduced, evidence.base)
     excluded, excluded_by_motion = excluded_times(reduction, scorer.reduced, evidence.base)
@@ -384,7 +388,7 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
         probability_nothing=probability[Verdict.NOTHING_MISSING],
         probability_unknown=probability[Verdict.NOT_IN_CATALOGUE],
         parameters=every_parameter(evidence.base, temperature_for(evidence, evidence.base)),
-        final_parameters=every_parameter(path[-1], temperature_for(evidence, path[-1])),
+        final_parameters=every_parameter(path[-1], temperature_for(evidence, path[-1]), of_last),
         comparisons=curves.comparisons if curves else (),
         failure=curves.failure if curves else None,
         held_out=held_out_runs(reduction.analysed, scorer.reduced, evidence.base),
@@ -429,6 +433,17 @@ def _told_path(question: Question, found: Found) -> tuple[Scorer, Scorer, Sequen
         return scorer, found.refined or scorer, [found.evidence.base, *found.path[1:]]
     alone, fitted = question.alone
     return alone, alone, [alone.score_held_out(fitted, residuals=True)]
+
+
+def _variances(found: Found, told: Mapping[str, FittedModel]) -> dict[str, dict[str, float]]:
+    """Variances of the unknowns of models with one effect more, by its id, over the shapes of their effects.
+
+    Of those that were looked at between the points of their grids.
+    """
+    scorers = {name: by for name, (by, _) in found.looked_at.items()}
+    if found.refined is not None and len(found.path) > 1:
+        scorers[found.path[1].last_effect.id] = found.refined
+    return {name: variance_over_shapes(scorers[name], one) for name, one in told.items() if name in scorers}
 
 
 def _whose_floors(

@@ -200,8 +200,9 @@ class Effect:
         mend: what on the bench makes it smaller, a sentence.
         shapes: grid of the nonlinear unknowns; each point is a mapping name -> value.
         shape_units: unit of each nonlinear unknown; what ``shapes`` holds beyond these are switches, 0 or 1.
-        shapes_seen: what recordings of the motor alone suggest in place of ``shapes``, from their motions;
-            these may name unknowns that ``shapes`` does not.
+        shapes_seen: what recordings suggest in place of ``shapes``, from their motions: those of the motor
+            alone or, for what shows beside a finger only, of a finger; these may name unknowns that
+            ``shapes`` does not.
         switches_seen: switches that they may hold beyond ``shapes``.
         closer: shapes around one that was found, finer than the grid, and of other laws of the same physics
             (what these name beyond the grid's shapes is 0 where it is missing); tried by grid refinement.
@@ -214,6 +215,9 @@ class Effect:
         follows: numbers of a shape that are the sum of other unknowns of the model, and those unknowns' keys,
             or a number of another effect's shape (:func:`of_shape`); grid refinement takes them from the
             model, on the coarse grid they are missing.
+        slopes: at a shape, from the gains found there by name: for a number of the shape, by how much each
+            gain that stands for a small change of it changes with the number; grid refinement moves the
+            number until these gains are nothing.
         turns: by how much (rad) the load cell's face is turned against the finger at a point of ``shapes``;
             what the tip does along the face turns with it.
         family: one of ``FAMILIES``. formula: what is printed of it.
@@ -249,6 +253,7 @@ class Effect:
     special: Literal["", "delay", "slack"] = ""
     relaxes: Mapping[str, Parameter] = field(default_factory=dict)
     follows: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    slopes: Callable[[Shape, Mapping[str, float]], Mapping[str, Mapping[str, float]]] | None = None
     turns: Callable[[Shape], float] | None = None
     family: str = FAMILIES[-1]
     formula: Formula | None = None

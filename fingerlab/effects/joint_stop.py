@@ -1,14 +1,34 @@
 """A stiff end of travel, flat or round."""
 
 import math
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from fingerlab.effects.base import Effect, Example, Formula, Row, Shape, Term, plus
-from fingerlab.effects.joints import both, joint_terms
+from fingerlab.effects.base import Effect, Example, Formula, Row, Shape, Term, either, every, plus
+from fingerlab.effects.joints import ANGLES, both, joint_terms
 from fingerlab.physics.motion import Motion, nothing
 from fingerlab.physics.parameter import Parameter
 from fingerlab.sessions.model import Array
+
+END_DEPTHS_DEG = (1.0, 2.5, 5.0, 10.0)
+"""So far before the furthest that a joint went its stop is looked for, degrees; assumed: a stiff end is
+entered by degrees, and a grid of 5 degrees passes over one that is entered by one."""
+
+
+def ends_seen(motions: Sequence[Motion]) -> list[Shape]:
+    """Edges of a stop by how far the joints went in these motions, flat and round; none without joints."""
+    edges = set()
+    for joint in ANGLES:
+        angles = [getattr(m.joints, joint)[m.lead :] for m in motions if m.joints is not None]
+        angles = [angle for angle in angles if len(angle)]
+        if not angles:
+            return []
+        lowest, highest = (math.degrees(end([end(a) for a in angles])) for end in (np.min, np.max))
+        # In extension a stop has a negative edge, in flexion a positive one.
+        edges |= {e for depth in END_DEPTHS_DEG if (e := round(lowest + depth, 1)) < 0.0}
+        edges |= {e for depth in END_DEPTHS_DEG if (e := round(highest - depth, 1)) > 0.0}
+    return [{"edge_deg": edge, "hertz": hertz} for hertz in (0.0, 1.0) for edge in sorted(edges)]
 
 
 def columns(motion: Motion, shape: Shape) -> list[Term]:
@@ -39,6 +59,13 @@ def _pressed(motion: Motion, joint: str, edge: float, hertz: bool, velocity: Arr
     return [side * torque, side * slope, torque * velocity]
 
 
+def _edge_slopes(shape: Shape, gains: Mapping[str, float]) -> dict[str, dict[str, float]]:
+    """What a degree by which the edge lies elsewhere adds to the torque of a shifted edge, N m."""
+    power, side = 1.5 if shape["hertz"] else 1.0, math.copysign(1.0, shape["edge_deg"])
+    per_degree = -side * power * math.radians(1.0)
+    return {"edge_deg": {f"shift_{j}": per_degree * gains[f"stop_{j}"] for j in ANGLES}}
+
+
 EFFECT = Effect(
     id="joint_stop",
     title="Stiff end of travel",
@@ -57,7 +84,9 @@ EFFECT = Effect(
         {"edge_deg": 5.0 * k, "hertz": hertz} for hertz in (0.0, 1.0) for k in (*range(-8, 0), *range(2, 10))
     ),
     shape_units={"edge_deg": "deg"},
-    closer=plus("edge_deg", tuple(0.5 * k for k in range(-8, 9))),
+    shapes_seen=ends_seen,
+    closer=every(plus("edge_deg", tuple(0.5 * k for k in range(-8, 9))), either("hertz", (0.0, 1.0))),
+    slopes=_edge_slopes,
     formula=Formula(
         equation=(
             r"\tau_j = \sigma u_j^p\left(K_s + d\,\sigma\dot\theta_j\right) + \sigma "

@@ -2,34 +2,55 @@
 
 import math
 
-from fingerlab.effects.base import Effect, Example, Formula, Row, Shape, Term
+import numpy as np
+
+from fingerlab.effects.base import Effect, Example, Formula, Row, Scale, Shape, Term
+from fingerlab.effects.joints import ANGLES
 from fingerlab.physics import nominal
 from fingerlab.physics.motion import Motion
 from fingerlab.physics.parameter import Parameter
+from fingerlab.sessions.model import Array
+
+FOLLOWING = {
+    f"{kind}_{joint}": (f"varying_moment_arm.{kind}_{joint}",)
+    for kind in ("growth", "turn")
+    for joint in ANGLES
+}
+"""What a shape takes from the unknowns of its model."""
+LEAST_ARM = 0.2
+"""Share of an arm that is left of it at least in the torque; assumed: no fit is to divide by nothing."""
 
 
 def columns(motion: Motion, shape: Shape) -> list[Term]:
     """a(theta1) = a (1 + p theta1), b(theta2) = b (1 + q theta2).
 
     The growth has a part that is the same for both routings, and a part that turns with the side on which
-    the cable runs. The tension carries 1/a: its second order in p has a gain of its own, because p is not
-    small (0.4/rad over 0.6 rad takes a quarter of the arm).
+    the cable runs. The tension carries 1/a. On the grid no growth is known, and the second order in p has a
+    gain of its own, because p is not small (0.4/rad over 0.6 rad takes a quarter of the arm); around the
+    growth that was found 1/a is told exactly, and its change with p to first order.
     """
     f, q = motion.finger_and_joints
-    contact_mcp, contact_pip = motion.contact_torques
-    mcp = nominal.mcp_torque(f, q).total + contact_mcp
-    pip = nominal.pip_torque(f, q).total + contact_pip
-    terms = [
-        Term(Row.MCP, "bend_mcp", mcp * q.mcp**2, "joint"),
-        Term(Row.PIP, "bend_pip", pip * q.pip**2, "joint"),
-    ]
-    for name, sign in (("growth", 1.0), ("turn", float(motion.cable_sign))):
-        terms += [
-            Term(Row.MCP, f"{name}_mcp", -sign * mcp * q.mcp, "joint"),
-            Term(Row.PIP, f"{name}_pip", -sign * pip * q.pip, "joint"),
-            Term(Row.CABLE, f"{name}_mcp", 0.5 * sign * q.mcp**2, "arm_mcp"),
-            Term(Row.CABLE, f"{name}_pip", 0.5 * sign * q.pip**2, "arm_pip"),
-        ]
+    sign = float(motion.cable_sign)
+    at_mcp, at_pip = motion.contact_torques
+    each: tuple[tuple[str, Row, Array, Array, Scale], ...] = (
+        ("mcp", Row.MCP, q.mcp, nominal.mcp_torque(f, q).total + at_mcp, "arm_mcp"),
+        ("pip", Row.PIP, q.pip, nominal.pip_torque(f, q).total + at_pip, "arm_pip"),
+    )
+    terms = []
+    for joint, row, angle, torque, scale in each:
+        grown = shape.get(f"growth_{joint}", 0.0) + sign * shape.get(f"turn_{joint}", 0.0)
+        if any(shape.get(name) for name in FOLLOWING):  # the same columns for both cables
+            arm = np.maximum(1.0 + grown * angle, LEAST_ARM)
+            slope = -torque * angle / arm**2
+            terms.append(Term(row, "", torque * (1.0 / arm - 1.0) - grown * slope, "joint", constant=1.0))
+        else:
+            slope = -torque * angle
+            terms.append(Term(row, f"bend_{joint}", torque * angle**2, "joint"))
+        for name, side in (("growth", 1.0), ("turn", sign)):
+            terms += [
+                Term(row, f"{name}_{joint}", side * slope, "joint"),
+                Term(Row.CABLE, f"{name}_{joint}", 0.5 * side * angle**2, scale),
+            ]
     return terms
 
 
@@ -47,6 +68,7 @@ EFFECT = Effect(
         "bend_pip": Parameter("1/rad^2", 0.0, 1.0, 0.04, title="growth of b, squared in the torque"),
     },
     columns=columns,
+    follows=FOLLOWING,
     coordinate="joint angle",
     equation=Row.CABLE,
     explanation="Torque and cable length call for a moment arm that changes with the joint angle.",
@@ -60,8 +82,8 @@ EFFECT = Effect(
         ),
         symbols=(
             "p: growth that both routings share. q: growth that turns with the side on which the "
-            "cable runs. The tension carries 1/a(θ₁), to second order in p; its square has a gain w "
-            "of its own."
+            "cable runs. The tension carries 1/a(θ₁): to second order in p, whose square has a gain w of "
+            "its own, and exactly once p is known."
         ),
         source="Ours, by virtual work: a length that changes with the angle is an arm that does.",
         values={

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
 from fingerlab.core.progress import SILENT
 from fingerlab.diagnosis.equations.model import Choice
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.score.scorer import Scorer
-from fingerlab.diagnosis.search.grid_refinement import can_refine, extend_path, fit_effects
+from fingerlab.diagnosis.search.grid_refinement import can_refine, extend_path, fit_effects, fit_refined
 from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import either, every, plus, rubbing, times
 from tests.reduced import reduce_sessions
@@ -76,3 +79,19 @@ def test_a_path_that_goes_on_begins_with_what_was_given() -> None:
     assert [step.effect_ids for step in longer[1]] == [[e.id for e in effects[:k]] for k in (1, 2, 3)]
     assert longer[1][2].score < 1.2 < longer[1][1].score
     assert longer[1][-1].values["gravity_tilt.tilt"] == pytest.approx(0.25, abs=0.03)
+
+
+@pytest.mark.parametrize("edge_deg", [-18.3, -22.7])
+def test_a_stop_that_is_entered_by_degrees_is_found_at_its_edge(edge_deg: float) -> None:
+    """Round faces of 2 N m/rad^1.5, between the points of any grid; begun from flat faces, too."""
+    bench = made.Bench(missing=made.Missing(stop=(np.radians(edge_deg), 2.0)))
+    kept = Reduction([made.session(bench, 2)])
+    (effect,) = kept.suited([CATALOGUE["joint_stop"]])
+    for hertz in (0.0, 1.0):
+        given = replace(effect, shapes=tuple(s for s in effect.shapes if s["hertz"] == hertz))
+        scorer, found = fit_refined(kept, [given])
+        shape = found.choices[0].effect.shapes[found.choices[0].shape]
+        assert shape["hertz"] == 1.0
+        assert shape["edge_deg"] == pytest.approx(edge_deg, abs=0.1)
+        assert found.values["joint_stop.stop_pip"] * kept.scales.torque == pytest.approx(2.0, rel=0.04)
+        assert scorer.score_held_out(found).score < 1.1

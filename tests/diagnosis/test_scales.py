@@ -211,6 +211,17 @@ def test_time_follows_the_motion_as_far_as_rate_and_length_allow(
 
 
 @pytest.mark.parametrize(
+    ("frequencies", "time"),
+    [((0.1,) * 4 + (2.0,), 1.0), ((0.5, 1.0, 1.0, 2.0), 1.0), ((0.1, 0.1, 0.25), 8.0), ((0.25,) * 5, 4.0)],
+)
+def test_one_quick_run_among_slow_ones_is_not_lost(frequencies: tuple[float, ...], time: float) -> None:
+    """The quickest run has 2 pi f at most twice 7 rad/s, told by octaves: 8 Hz over the time is its band."""
+    runs = [_alone(frequency, 1000.0, seconds=60.0).runs[0] for frequency in frequencies]
+    session = replace(_alone(1.0, 1000.0), runs=tuple(runs))
+    assert find_scales([session]).time == time
+
+
+@pytest.mark.parametrize(
     ("phase", "whose"), [("free", "finger"), ("on_air", "finger"), ("motor_bench", "motor alone")]
 )
 def test_a_run_that_lacks_a_channel_says_what_a_diagnosis_needs(phase: str, whose: str) -> None:

@@ -265,6 +265,25 @@ def test_varying_arm_obeys_virtual_work() -> None:
         assert found == pytest.approx(expected, abs=1e-4 * np.abs(expected).max())
 
 
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_around_the_growth_that_was_found_the_arm_is_told_exactly(sign: int) -> None:
+    """With the gains at the shape's own growth the tension is the torque over a (1 + growth angle)."""
+    motion = moving(sign=sign, force=1.0)
+    q = motion.joints
+    assert q is not None
+    found = {"growth_mcp": 0.3, "growth_pip": -0.2, "turn_mcp": 0.3, "turn_pip": 0.35}
+    terms = CATALOGUE["varying_moment_arm"].columns(motion, found)
+    other = CATALOGUE["varying_moment_arm"].columns(moving(sign=-sign, force=1.0), found)
+    assert [(t.row, t.gain) for t in terms] == [(t.row, t.gain) for t in other]
+    for row, angle, grown, lhs in (
+        (Row.MCP, q.mcp, 0.3 + 0.3 * sign, nominal.mcp_torque(FINGER, q).total),
+        (Row.PIP, q.pip, -0.2 + 0.35 * sign, nominal.pip_torque(FINGER, q).total),
+    ):
+        torque = lhs + contact_lever(row, q) * motion.force
+        added = sum(t.values * (t.constant + found.get(t.gain, 0.0)) for t in terms if t.row == row)
+        assert torque + added == pytest.approx(torque / (1.0 + grown * angle), rel=1e-9, abs=1e-12)
+
+
 def contact_lever(row: Row, q: JointMotion) -> np.ndarray:
     """Tip travel with a joint's angle, downwards: written out from the finger's geometry."""
     distal = 2 * FINGER.distal_half_length * np.cos(q.mcp + q.pip - FINGER.wrist_angle)

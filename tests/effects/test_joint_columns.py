@@ -144,6 +144,39 @@ def test_stop_is_nothing_within_and_pushes_back_beyond(shape: dict[str, float]) 
     assert damp == pytest.approx(depth**power * q.pip_velocity, abs=1e-12)
 
 
+@pytest.mark.parametrize(("edge", "hertz"), [(-10.0, 0.0), (-10.0, 1.0), (20.0, 0.0), (20.0, 1.0)])
+def test_a_shifted_edge_is_told_by_the_gain_of_the_shift(edge: float, hertz: float) -> None:
+    """A stop K (depth)^p whose edge lies a thousandth of a degree elsewhere, less the one at its edge."""
+    motion, stiffness, step = moving(), 2.0, 1e-3
+    effect, shape = CATALOGUE["joint_stop"], {"edge_deg": edge, "hertz": hertz}
+    assert effect.slopes is not None
+    slopes = effect.slopes(shape, {"stop_mcp": 0.0, "stop_pip": stiffness})["edge_deg"]
+    assert slopes["shift_mcp"] == 0.0
+    side, power = np.sign(edge), 1.5 if hertz else 1.0
+
+    def stop(at: float) -> np.ndarray:
+        return side * stiffness * np.maximum(side * (motion.joints.pip - np.radians(at)), 0.0) ** power
+
+    inside = side * (motion.joints.pip - np.radians(edge)) > 0.01
+    shift = column(effect.columns(motion, shape), Row.PIP, "shift_pip") * slopes["shift_pip"] * step
+    assert inside.any()
+    assert shift[inside] == pytest.approx((stop(edge + step) - stop(edge))[inside], rel=2e-3)
+
+
+def test_a_stop_is_looked_for_where_the_joints_went_furthest() -> None:
+    """MCP between 0.2 - 0.25 and 0.2 + 0.25 rad, PIP between 0.15 - 0.35 and 0.15 + 0.35 rad."""
+    effect = CATALOGUE["joint_stop"]
+    assert effect.shapes_seen is not None
+    edges = {shape["edge_deg"] for shape in effect.shapes_seen([moving()])}
+    ends = np.degrees([-0.05, 0.45, -0.2, 0.5])  # lowest and highest of MCP, then of PIP
+    for depth in (1.0, 2.5):
+        for end in ends:
+            assert round(end - np.sign(end) * depth, 1) in edges
+    assert min(edges) > ends.min()
+    assert max(edges) < ends.max()
+    assert not effect.shapes_seen([moving(joints=None)])
+
+
 @pytest.mark.parametrize("time_constant", [0.1, 0.3, 1.0, 3.0])
 def test_creep_is_a_maxwell_branch(time_constant: float) -> None:
     """Spring and damper in series under a sine: gain w tau / sqrt(1 + (w tau)^2), lead atan(1 / w tau)."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from types import MappingProxyType
 
 import numpy as np
 
@@ -50,11 +51,13 @@ class ToldModels:
         closer: with its refined shape, or with it in place of a given one.
         reported: whose numbers are told.
         replaced: ids of the given effects in whose place it is.
+        variances: of unknowns of reported models, by key, over the shapes of their effects.
     """
 
     closer: Mapping[str, FittedModel]
     reported: Mapping[str, FittedModel]
     replaced: Mapping[str, tuple[str, ...]]
+    variances: Mapping[str, Mapping[str, float]]
 
 
 def cannot_be_ruled_out(
@@ -99,6 +102,7 @@ def candidates(
     )
     for i in order:
         name = evidence.candidates[i].last_effect.id
+        variances = models.variances.get(name, NO_VARIANCE)
         fitted = models.closer.get(name, evidence.candidates[i])
         one = fitted.last_effect
         least = least_strength(fitted, needed_fall(evidence, fitted))
@@ -113,17 +117,10 @@ def candidates(
                 score=fitted.score,
                 probability=posterior[i],
                 in_set=i in judged.chosen,
-                parameters=parameters(fitted, one, temperature_for(evidence, fitted)),
+                parameters=parameters(fitted, one, temperature_for(evidence, fitted), variances),
                 equations=one.acts_on,
                 explanation=explanation(
-                    evidence,
-                    fitted,
-                    one,
-                    shown,
-                    least,
-                    models.replaced.get(name, ()),
-                    alone,
-                    i not in judged.chosen,
+                    evidence, fitted, one, shown, least, models, alone, i not in judged.chosen
                 ),
                 detectable=shown,
                 fingerprint=prints.get(one.id),
@@ -134,11 +131,24 @@ def candidates(
     return tuple(result)
 
 
-def deviations(fitted: FittedModel, temperature: float) -> dict[str, float]:
-    """Standard deviation of every unknown, given what else is unknown; in the model's units; 0: held."""
+NO_VARIANCE: Mapping[str, float] = MappingProxyType({})
+"""No other shape was looked at."""
+
+
+def deviations(
+    fitted: FittedModel, temperature: float, variances: Mapping[str, float] = NO_VARIANCE
+) -> dict[str, float]:
+    """Standard deviation of every unknown, given what else is unknown; in the model's units; 0: held.
+
+    Args:
+        variances: of unknowns over the shapes of the model's effects, which come on top.
+    """
     spread, held = fitted.fit.deviations_at(temperature), fitted.model.fixed
     keys = [u.key for u in fitted.model.unknowns]
-    return {key: 0.0 if key in held else float(s) for key, s in zip(keys, spread, strict=True)}
+    return {
+        key: 0.0 if key in held else float(np.sqrt(s**2 + variances.get(key, 0.0)))
+        for key, s in zip(keys, spread, strict=True)
+    }
 
 
 def temperature_for(evidence: Evidence, fitted: FittedModel) -> float:
@@ -149,11 +159,16 @@ def temperature_for(evidence: Evidence, fitted: FittedModel) -> float:
     return min(evidence.temperature, fitted.temperature())
 
 
-def parameters(fitted: FittedModel, effect: Effect, temperature: float) -> dict[str, ParameterEstimate]:
+def parameters(
+    fitted: FittedModel,
+    effect: Effect,
+    temperature: float,
+    variances: Mapping[str, float] = NO_VARIANCE,
+) -> dict[str, ParameterEstimate]:
     """The effect's parameters with 90 % intervals; a grid parameter's interval is to its neighbours."""
     values = fitted.values
     gains = {u.key: u.parameter for u in fitted.model.unknowns}
-    spread = deviations(fitted, temperature)
+    spread = deviations(fitted, temperature, variances)
     result = {}
     for name, key in own_keys(fitted, effect).items():
         gain, value = gains[key], float(values[key])
@@ -181,9 +196,11 @@ def _estimate_in_si(
     return ParameterEstimate(value * size, unit, low * size, high * size)
 
 
-def every_parameter(fitted: FittedModel, temperature: float) -> dict[str, ParameterEstimate]:
+def every_parameter(
+    fitted: FittedModel, temperature: float, variances: Mapping[str, float] = NO_VARIANCE
+) -> dict[str, ParameterEstimate]:
     """All unknowns of the model by key, SI, with 90 % intervals that no bound cuts."""
-    spread = deviations(fitted, temperature)
+    spread = deviations(fitted, temperature, variances)
     return {
         u.key: _estimate_in_si(
             fitted, u.parameter.unit, float(v), float(v) - Z90 * spread[u.key], float(v) + Z90 * spread[u.key]
@@ -225,7 +242,7 @@ def explanation(
     effect: Effect,
     shown: bool,
     least: float,
-    replaced: Sequence[str] = (),
+    models: ToldModels,
     alone: bool = False,
     ruled_out: bool = False,
 ) -> str:
@@ -236,10 +253,12 @@ def explanation(
 
     Args:
         shown: whether it would have shown at a typical strength. least: the multiple of that from which on.
-        replaced: ids of the effects of the base in whose place it is in ``fitted``.
+        models: in whose place the effect is in ``fitted``, and how its numbers vary over its shapes.
         alone: there is one run, of which nothing was held out.
         ruled_out: it is none of those that could be what is missing.
     """
+    replaced = models.replaced.get(effect.id, ())
+    variances = models.variances.get(effect.id, NO_VARIANCE)
     error = "the error" if alone else "the held-out error"
     before, after = score_text(evidence.base.score), score_text(fitted.score)
     fall = f"goes from {before} to {after} floors" if before != after else f"stays at {after} floors"
@@ -258,7 +277,7 @@ def explanation(
     numbers = [
         f"{parameter_title(effect, name)} "
         f"{_grid_value(found) if name in effect.shape_units else estimate_text(found)}"
-        for name, found in parameters(fitted, effect, temperature_for(evidence, fitted)).items()
+        for name, found in parameters(fitted, effect, temperature_for(evidence, fitted), variances).items()
     ]
     found = f" (first fit: {'; '.join(numbers)})" if numbers else ""
     there = f" in place of {_in_sentence(evidence.base, replaced)}" if replaced else ""

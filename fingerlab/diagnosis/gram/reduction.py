@@ -270,7 +270,8 @@ class Reduction:
         Raises:
             UserError: the rig file gives a range that is none.
         """
-        seen = [self._suited(e) if e.shapes_seen is not None and self.on_bench else e for e in effects]
+        suits = [e.shapes_seen is not None and (self.on_bench or not e.bench) for e in effects]
+        seen = [self._suited(e) if suited else e for e, suited in zip(effects, suits, strict=True)]
         return [narrowed(effect, self._given[0].rig, self.scales) for effect in seen]
 
     def _suited(self, effect: Effect) -> Effect:

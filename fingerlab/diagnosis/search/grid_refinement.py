@@ -22,6 +22,7 @@ from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.score.fitted_model import (
     FittedModel,
     at_found_shapes,
+    own_keys,
     with_other_laws,
     with_shapes_of,
 )
@@ -159,7 +160,42 @@ def _moved_shapes(fitted: FittedModel) -> list[Choice]:
     """The choices with the numbers that their shapes take from the model now; none where all have stood."""
     now = _with_dependent_shapes(fitted)
     moved = any(_has_moved(one, then, fitted) for one, then in zip(now, fitted.choices, strict=True))
-    return now if moved else []
+    steps = [_steps(choice, fitted) for choice in fitted.choices]
+    if not moved and not any(steps):
+        return []
+    return [_stepped(choice, step) for choice, step in zip(now, steps, strict=True)]
+
+
+def _steps(choice: Choice, fitted: FittedModel) -> dict[str, float]:
+    """By how much numbers of a shape are off by the gains that stand for them; none that is known no closer.
+
+    A gain that stands for a small change of a number does so to first order alone: of a stop whose edge is a
+    quarter of a degree off, what lies between the two edges is left. Least squares over the gains (Newton).
+    """
+    effect, shape = choice.effect, choice.effect.shapes[choice.shape]
+    if effect.slopes is None:
+        return {}
+    keys, values, found = own_keys(fitted, effect), fitted.values, {}
+    gains = {name: values[keys[name]] if name in keys else 0.0 for name in effect.gains}
+    for number, slopes in effect.slopes(shape, gains).items():
+        names = [name for name in slopes if name in keys]
+        places = [fitted.model.index[keys[name]] for name in names]
+        variances = np.diag(fitted.fit.covariance)[places]
+        told = variances > 0.0
+        slope, gain = (np.array([of[name] for name in names])[told] for of in (slopes, gains))
+        information = float(np.sum(slope**2 / variances[told]))
+        pull = float(np.sum(slope * gain / variances[told]))
+        if information > 0.0 and pull**2 > information:
+            found[number] = pull / information
+    return found
+
+
+def _stepped(choice: Choice, steps: Mapping[str, float]) -> Choice:
+    shapes = list(choice.effect.shapes)
+    shapes[choice.shape] = {
+        **shapes[choice.shape], **{name: shapes[choice.shape][name] + step for name, step in steps.items()}
+    }  # fmt: skip
+    return Choice(replace(choice.effect, shapes=tuple(shapes)), choice.shape)
 
 
 def _is_beyond_grid(one: Choice, found: Choice) -> bool:

@@ -29,6 +29,7 @@ from fingerlab.diagnosis.settings import (
     NARROW_CUTOFF_HZ,
     PACE_SAMPLES,
     QUICKER_OCTAVES,
+    QUICKEST_OCTAVES,
     READ_SAMPLES,
     SETTLING_SHARE,
     SHORTEST_STRETCH_S,
@@ -155,7 +156,9 @@ def _time_of(runs: Sequence[Run], turns: bool = False) -> float:
     paces = [pace for run in runs if (pace := _pace(run, turns)) > 0]
     if not paces:
         return 1.0
-    usual = round(math.log2(USUAL_PACE / float(np.median(paces))))
+    # Of a quick run among slow ones a band as narrow as theirs would leave nothing.
+    pace = max(float(np.median(paces)), max(paces) / 2.0**QUICKEST_OCTAVES)
+    usual = round(math.log2(USUAL_PACE / pace))
     # The hundredth forgives a rate or a length that is no round number.
     shortest = min(run.seconds for run in runs)
     most = math.floor(math.log2(max(shortest, 1e-9) / LEAST_SECONDS) + 0.01)
