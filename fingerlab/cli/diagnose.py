@@ -230,7 +230,7 @@ def _print(result: Diagnosis, arc: str, budget: bool) -> None:
     from fingerlab.diagnosis.score.calibration import Verdict
     from fingerlab.report import diagnosis_words as words
     from fingerlab.report.recording_words import next_experiment_sentence, paired_sentence
-    from fingerlab.report.score_words import how_to_add, path_sentence, score_words
+    from fingerlab.report.score_words import how_to_add, machine_sentence, path_sentence, score_words
 
     console = table_console()
     console.print(Text(f"\n{words.verdict_sentence(result)}\n", style="bold"))
@@ -256,6 +256,8 @@ def _print(result: Diagnosis, arc: str, budget: bool) -> None:
         console.print(Text(paired_sentence(result)))
     if words.worth_adding(result):
         console.print(Text(path_sentence(result)))
+    if machine_sentence(result):
+        console.print(Text(machine_sentence(result)))
     if how_to_add(result):
         console.print(Text(how_to_add(result)))
     if result.bench:

@@ -11,6 +11,7 @@ from typing import Any
 from fingerlab.core.text import (
     amount,
     decimals_for,
+    estimate_text,
     fixed,
     percent,
     printed,
@@ -40,7 +41,7 @@ from fingerlab.report.diagnosis_words import (
     shown_best_first,
     worth_adding,
 )
-from fingerlab.report.parameter_words import held_words
+from fingerlab.report.parameter_words import held_words, parameter_title
 
 EQUATION_NAMES = {name: one.name for name, one in EQUATIONS.items()} | {"tip_depth": "the tip's depth"}
 
@@ -479,6 +480,16 @@ def path_sentence(diagnosis: Diagnosis) -> str:
     left = " What then remains above the floor is not explained." if last > UNEXPLAINED else ""
     left += " A law of it can be drafted (--draft, or Draft a law)." if last > WORTH_A_DRAFT else ""
     return f"{text}. No further effect earns its place.{left}"
+
+
+def machine_sentence(diagnosis: Diagnosis) -> str:
+    """Inertia and gains of a motor alone by the last model of the path, 90 %; empty beside a finger."""
+    found = diagnosis.final_parameters
+    if "bench_inertia" not in found or any(name.startswith("arm_") for name in found):
+        return ""
+    titles = {key: parameter_title(key, list(found)) for key in found if key == "bench_inertia" or "." in key}
+    words = [f"{title[0].lower()}{title[1:]} {estimate_text(found[key])}" for key, title in titles.items()]
+    return f"The fitted machine: {'; '.join(words)} (90 %)."
 
 
 def how_to_add(diagnosis: Diagnosis) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import pytest
 
 from fingerlab.diagnosis import diagnose
 from fingerlab.diagnosis.signals.segments import drive_sign
+from fingerlab.report.score_words import machine_sentence
 from fingerlab.rig.file import Motor, Rig
 from fingerlab.sessions.model import Run, Session
 
@@ -158,3 +160,8 @@ def test_of_a_rotor_that_spins_viscous_friction_is_no_trace() -> None:
     said = diagnose([machine(law, SPINS)], with_curves=False)
     assert said.final_model == ("motor_viscous_friction",)
     assert said.final_parameters["motor_viscous_friction.viscous"].value == pytest.approx(viscous, rel=0.02)
+    told = re.search(
+        r"inertia J ([\d.]+) ± [\d.]+ g cm²; viscous coefficient ([\d.]+) ", machine_sentence(said)
+    )
+    assert told is not None
+    assert [float(one) for one in told.groups()] == pytest.approx([800.0, 0.2], rel=0.02)
