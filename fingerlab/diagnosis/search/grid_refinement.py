@@ -124,7 +124,7 @@ def refine_grid(
         of_shapes = fitted = reduction.remember(finer, places, partial(_best_of_finer, scorer, finer, places))
         scorer, fitted = _iterate_dependent_shapes(reduction, scorer, fitted, watch)
         moved = bool(_moved_shapes(of_shapes)) or any(map(_is_another_law, fitted.choices, began))
-        moved = moved or any(map(_went_to_an_edge, fitted.choices, began))
+        moved = moved or any(map(_went_far, fitted.choices, began))
         off_grid = any(map(_is_beyond_grid, fitted.choices, found.choices))
         again = passed < SHAPE_PASSES and moved
         if not again and not (off_grid and [c.shape for c in fitted.choices] != places):
@@ -204,15 +204,24 @@ def _is_beyond_grid(one: Choice, found: Choice) -> bool:
     return one.effect.law_at(one.shape) not in {grid.law_at(i) for i in range(len(grid.shapes))}
 
 
-def _went_to_an_edge(one: Choice, began: Choice) -> bool:
-    """Whether a number of its shape has come to the end of those that were looked at: it may go further."""
+def _went_far(one: Choice, began: Choice) -> bool:
+    """Whether a number of its shape has come to the end of those that were looked at, or beyond its octave.
+
+    It may go further, or was looked at too coarsely there.
+    """
     effect, law = one.effect, one.effect.law_at(one.shape)
     if one.shape == began.shape:
         return False
     found, start = effect.shapes[one.shape], effect.shapes[began.shape]
     same = [shape for i, shape in enumerate(effect.shapes) if effect.law_at(i) == law]
-    ends = {name: [pick(shape[name] for shape in same) for pick in (min, max)] for name in law}
-    return any(found[name] != start.get(name) and found[name] in ends[name] for name in law)
+    for name in (*law, *({"travel_deg"} & found.keys() - law)):
+        number, before = found[name], start.get(name)
+        ends = [pick(shape[name] for shape in same if name in shape) for pick in (min, max)]
+        if number != before and number in ends:
+            return True
+        if before and not 0.5 <= number / before <= 2.0:
+            return True
+    return False
 
 
 def _is_another_law(one: Choice, other: Choice) -> bool:
@@ -261,13 +270,22 @@ def _best_shape(scorer: Scorer, fitted: FittedModel, k: int) -> FittedModel:
     shapes: Sequence[int] = range(len(fitted.choices[k].effect.shapes))
     for _ in range(SHAPE_ROUNDS):
         before = fitted.choices[k].shape
-        tried = sorted(_at_shapes(scorer, fitted, k, shapes), key=lambda m: m.fit.cost)
+        tried = sorted(_at_shapes(scorer, fitted, k, shapes), key=lambda m: m.fit.cost + _cost_of_law(m, k))
         fitted = scorer.fit_reweighted(tried[0].choices, tried[0])
         if fitted.choices[k].shape == before:
             break
         nearest = max(int(np.ceil(NEAR_SHAPES * len(tried))), LEAST_NEAR_SHAPES)
         shapes = [one.choices[k].shape for one in tried[:nearest]]
     return fitted
+
+
+def _cost_of_law(fitted: FittedModel, k: int) -> float:
+    """What the law of effect ``k`` must explain for each of its numbers, in units of the cost.
+
+    A damping of what sticks does nearly what an inertia does: for next to nothing it took a quarter of one.
+    """
+    choice = fitted.choices[k]
+    return 2.0 * DECIDING_LOG_ODDS * len(choice.effect.law_at(choice.shape))
 
 
 def _at_shapes(scorer: Scorer, fitted: FittedModel, k: int, shapes: Sequence[int]) -> list[FittedModel]:
