@@ -27,6 +27,7 @@ from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.score.floors import scored_in_floors, weights_at_floor
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.score.selection import justified, lacks_fit
+from fingerlab.diagnosis.search.contained_laws import holds, with_plainer_end, without_contained_laws
 from fingerlab.diagnosis.search.exchange import (
     ExchangedModel,
     Given,
@@ -40,10 +41,7 @@ from fingerlab.diagnosis.search.grid_refinement import (
     can_refine,
     extend_path,
     fit_effects,
-    holds,
     refine_path,
-    with_plainer_end,
-    without_contained_laws,
 )
 from fingerlab.diagnosis.search.joint_search import path_beside_slack, path_of_many
 from fingerlab.diagnosis.search.next_effect import judge_all, rescore

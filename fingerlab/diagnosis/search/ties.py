@@ -20,7 +20,8 @@ from fingerlab.diagnosis.score.evidence import Evidence, alike, shares_of
 from fingerlab.diagnosis.score.fitted_model import FittedModel, at_found_shapes
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.score.selection import lacks_fit, log_odds_among, misfit_of_log_odds
-from fingerlab.diagnosis.search.grid_refinement import can_refine, holds, refine_grid, refine_last
+from fingerlab.diagnosis.search.contained_laws import holds
+from fingerlab.diagnosis.search.grid_refinement import can_refine, refine_grid, refine_last
 from fingerlab.diagnosis.settings import (
     FAR_LEFT,
     FAR_LOG_ODDS,
