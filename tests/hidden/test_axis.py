@@ -350,18 +350,15 @@ def test_what_was_found_with_a_wider_range_is_found_again_when_it_is_given() -> 
 
 
 def test_the_plainer_law_is_named_beside_friction_that_grows_with_load() -> None:
-    """Half of the friction is Coulomb's, 30 % of the load come on top; Stribeck's law led until that showed.
-
-    Exchanged, it leaves less: 62 thousandths of the friction's size in place of 80.
-    """
+    """Half of the friction is Coulomb's, 30 % of the load come on top; Stribeck's law led till it showed."""
     axis = drawn("coulomb and load", 2)
     machine = session(axis)
     result = verdict_on(machine)
     assert result.final_model == ("motor_coulomb_friction", "load_dependent_friction")
     found = result.final_parameters["motor_coulomb_friction.coulomb"]
-    # What sticks follows the load at once or keeps its force: that moves a share of Coulomb's by 2 %.
+    # What sticks follows the load at once or keeps its force: that moves a tenth of Coulomb's to the load's.
     assert found.low < 0.5 * axis.torque < found.high
-    assert found.value == pytest.approx(0.5 * axis.torque, rel=0.08)
+    assert found.value == pytest.approx(0.5 * axis.torque, rel=0.12)
     given = diagnose([machine], result.final_model, with_curves=False)
     assert given.errors["motor_torque"].rmse < 0.07 * axis.torque
 

@@ -7,6 +7,7 @@ itself the larger one takes up what only the shape of the smaller one lacks.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from fingerlab.core.progress import Watch
 from fingerlab.diagnosis.equations.model import Choice
@@ -91,6 +92,7 @@ def _plainer_at(
     """The path, or that with an effect in place of another one, if the latter is not twice as likely."""
     end, first = path[-1], len(path[0].choices)
     given = at_found_shapes(end)
+    effect = _with_shape_of(effect, given[place])
     effects = [*given[:place], effect, *given[place + 1 :]]
     by = Scorer(reduction.refined(effects, watch))
     each = [
@@ -107,6 +109,13 @@ def _plainer_at(
     base = finer.score_held_out(finer.fit(rivals[0].choices[:-1], steps[-1], FULL_ITERATIONS, weights))
     odds = log_odds_among(base, rivals)
     return (finer, steps) if odds[0] > odds[1] - RIVAL_LOG_ODDS else (scorer, path)
+
+
+def _with_shape_of(plainer: Effect, law: Effect) -> Effect:
+    """The plainer law with the shape at which the one that contains it was found, without what is its own."""
+    own = law.shape_units.keys() - plainer.shape_units.keys()
+    found = {name: number for name, number in law.shapes[0].items() if name not in own}
+    return plainer if found in plainer.shapes else replace(plainer, shapes=(found, *plainer.shapes))
 
 
 def _with_last(scorer: Scorer, fitted: FittedModel, place: int, weights: Weights) -> FittedModel:

@@ -105,12 +105,13 @@ def refine_grid(
 
     Where a shape takes numbers from what is fitted, it is fitted again until they stand, and if they have
     moved, or another law was better, the shapes are looked at once more; around a law that no grid holds, for
-    as long as a better one is found.
+    as long as a better one is found. So they are where a shape went far, which then has to be clearly better
+    for that: two numbers that do nearly the same run away along each other for next to nothing.
 
     Raises:
         Cancelled: the user asked for it.
     """
-    choices = _with_dependent_shapes(found)
+    choices, near = _with_dependent_shapes(found), None
     for passed in range(1, OFF_GRID_PASSES + 1):
         finer = [_finer(c) for c in choices]
         places = [_place(e.shapes, c.effect.shapes[c.shape]) for e, c in zip(finer, choices, strict=True)]
@@ -118,12 +119,16 @@ def refine_grid(
         began = [Choice(e, place) for e, place in zip(finer, places, strict=True)]
         of_shapes = fitted = reduction.remember(finer, places, partial(_best_of_finer, scorer, finer, places))
         scorer, fitted = _iterate_dependent_shapes(reduction, scorer, fitted, watch)
+        if near is not None and scorer.deviance(fitted) > near[0].deviance(near[1]) - 2.0 * DECIDING_LOG_ODDS:
+            return near
         moved = bool(_moved_shapes(of_shapes)) or any(map(_is_another_law, fitted.choices, began))
-        moved = moved or any(map(_went_far, fitted.choices, began))
         off_grid = any(map(_is_beyond_grid, fitted.choices, found.choices))
         again = passed < SHAPE_PASSES and moved
-        if not again and not (off_grid and [c.shape for c in fitted.choices] != places):
+        again = again or (off_grid and [c.shape for c in fitted.choices] != places)
+        far = not again and passed < SHAPE_PASSES and any(map(_went_far, fitted.choices, began))
+        if not (again or far):
             break
+        near = (scorer, fitted) if far else None
         choices = _with_dependent_shapes(fitted)
     return scorer, fitted
 
