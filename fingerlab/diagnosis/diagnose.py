@@ -365,7 +365,9 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
     judged = JudgedEffects(evidence, probability, chosen, stuck)
     open_ones = {evidence.candidates[i].last_effect.id for i in chosen}
     variances = _variances(found, {name: one for name, one in closer.items() if name in open_ones})
-    of_last = {} if found.refined is None else variance_over_shapes(found.refined, path[-1])
+    of_last = variances.get(path[-1].last_effect.id) if len(path) == 2 else None  # the same model
+    if of_last is None:
+        of_last = {} if found.refined is None else variance_over_shapes(found.refined, path[-1])
     told = ToldModels(closer, reported, replaced, variances)
     pairs = [(session, run) for (session, _), run in zip(reduction.runs, reduction.analysed, strict=True)]
     each_share, parts = run_shares(pairs, scorer.reduced, evidence.base)

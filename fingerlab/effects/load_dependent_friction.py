@@ -35,8 +35,7 @@ HELD_TRAVELS_DEG = (0.3, 0.42, 0.6, 0.85, 1.2, 1.7)
 the wind-up of a gearbox."""
 
 DAMPINGS_S = (0.002, 0.006)
-"""Where it is looked for first: sigma_1 over sigma_0 of the LuGre model is 3 ms in its first paper (Canudas
-de Wit et al. 1995), half of what is critical for a mass of 1 kg; assumed within a factor of four."""
+"""Where the damping of teeth that are held is looked for first; see ``base.STICK_DAMPINGS_S``."""
 
 
 SHAPES = (

@@ -30,11 +30,11 @@ from fingerlab.report.figure_style import (
     CANDIDATE,
     FLOOR,
     LABEL_SIZE,
-    LETTERS_AN_INCH,
     MEASURED,
     MODELLED,
     RESIDUAL,
     TICK_SIZE,
+    in_lines,
     label,
     legend_below,
     named_handles,
@@ -276,8 +276,8 @@ def diagnosis_figures(diagnosis: Diagnosis) -> Mapping[str, Figure]:
             titles[name] = f"Fingerprint of {in_sentence(candidate.title)}"
     sessions = " + ".join(Path(one).name for one in diagnosis.sessions)
     for name, figure in figures.items():
-        words = wrap(f"{titles[name]} – {sessions}", int(LETTERS_AN_INCH * float(figure.get_figwidth())))
-        figure.suptitle("\n".join(words), x=0.01, ha="left", fontsize=TICK_SIZE)
+        words = in_lines(f"{titles[name]} – {sessions}", figure)
+        figure.suptitle(words, x=0.01, ha="left", fontsize=TICK_SIZE)
     return figures
 
 

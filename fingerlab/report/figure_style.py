@@ -195,19 +195,23 @@ def file_name(words: str) -> str:
     return plain[:LONGEST_NAME].rstrip("-.")
 
 
+LETTERS_AN_INCH = 15.0
+"""Of the words above a figure."""
+
+
+def in_lines(words: str, figure: Figure) -> str:
+    """Words above a figure, in lines no wider than it."""
+    return "\n".join(wrap(words, int(LETTERS_AN_INCH * float(figure.get_figwidth()))))
+
+
 @contextmanager
 def headed(figure: Figure, words: str) -> Iterator[None]:
     """The figure with words above it, for a file of its own: beyond its edge, so that nothing in it moves."""
-    wide = int(LETTERS_AN_INCH * float(figure.get_figwidth()))
-    head = figure.text(0.01, 1.01, "\n".join(wrap(words, wide)), va="bottom", fontsize=TICK_SIZE)
+    head = figure.text(0.01, 1.01, in_lines(words, figure), va="bottom", fontsize=TICK_SIZE)
     try:
         yield
     finally:
         head.remove()
-
-
-LETTERS_AN_INCH = 15.0
-"""Of the words above a figure."""
 
 
 def save_figures(figures: Mapping[str, NamedFigure], folder: Path, outputs: OutputSet, title: str) -> None:
