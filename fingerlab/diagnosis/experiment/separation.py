@@ -88,10 +88,18 @@ def _fit_key(fitted: FittedModel) -> tuple[object, ...]:
 
 
 def run_kind(
-    session: Session, motion: Motion, effects: Sequence[Effect], beside_finger: bool = False
+    session: Session,
+    motion: Motion,
+    effects: Sequence[Effect],
+    beside_finger: bool = False,
+    speed: float = 0.0,
 ) -> RunKind:
-    """The kind of a run with this motion; ``beside_finger``: of the motor alone, beside a finger's runs."""
-    return RunKind(layout_of(motion.head(), session, effects, beside_finger), _group(motion))
+    """The kind of a run with this motion.
+
+    ``beside_finger``: of the motor alone, beside a finger's runs. ``speed``: of a motor alone, rad/s; see
+    :func:`~fingerlab.diagnosis.equations.parameters.nuisance_ranges`.
+    """
+    return RunKind(layout_of(motion.head(), session, effects, beside_finger, speed), _group(motion))
 
 
 @dataclass(frozen=True)
