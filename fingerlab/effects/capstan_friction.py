@@ -1,6 +1,7 @@
 """The sheath takes its share of the tension."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from fingerlab.effects.base import (
     FINEST_OCTAVE,
@@ -43,12 +44,19 @@ times as far, for a sheath of textile on a soft glove."""
 
 
 def columns(motion: Motion, shape: Shape) -> list[Term]:
-    """The sheath takes its share of the tension in the cable, before or behind what stretches.
+    """The sheath takes its share of the tension in the cable.
+
+    ``stretch_behind`` of the stretch lies behind it, seen from the finger: all that the motor pulls is felt
+    there.
 
     On the grid the share is small, and the same for both cables; between its points it is what was found.
     """
     terms = [t for cable in CABLE_SIGN for t in pull_terms(cable, sheath_loss(motion, shape, cable))]
-    return [t for t in terms if shape["stretch_behind"] or t.row != Row.CABLE]
+    behind = shape["stretch_behind"]
+    if behind == 1.0:
+        return terms
+    rows = [t for t in terms if behind or t.row != Row.CABLE]
+    return [replace(t, values=behind * t.values) if t.row == Row.CABLE else t for t in rows]
 
 
 def _share(cable: str) -> Parameter:
@@ -70,10 +78,10 @@ def _sheath_closer(shape: Shape) -> Sequence[Shape]:
     around = [factor * travel for factor in OCTAVE] if shape["held"] else OTHER_HELD_TRAVELS_DEG
     held = either("travel_deg", around)
     following = _sheath(USUAL_STICKING_DEG if shape["held"] else travel, 1.0)
-    behind = either("stretch_behind", (1.0, 0.0))
+    behind, on_both_sides = (either("stretch_behind", shares) for shares in ((1.0, 0.0), (1.0, 0.5, 0.0)))
     speeds = [factor * shape[REVERSAL_SPEED] for factor in FINEST_OCTAVE] if by_speed else FINGER_SPEEDS
     shapes = [
-        *every(held, behind)(_sheath(travel, 1.0, held=1.0)),
+        *every(held, on_both_sides)(_sheath(travel, 1.0, held=1.0)),
         *every(times("travel_deg", HALF_OCTAVE), behind)(following),
         *every(either(REVERSAL_SPEED, speeds), behind)({"stretch_behind": 1.0, "held": 0.0}),
     ]

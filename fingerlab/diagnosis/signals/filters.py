@@ -34,7 +34,6 @@ from fingerlab.diagnosis.settings import (
     NARROW_CUTOFF_HZ,
     NARROW_RATE_HZ,
     NARROW_TAPS,
-    OFTEN_STILL,
     PULSE_SAMPLES,
     REPORTED_JITTER,
     SAME_SIZE,
@@ -44,6 +43,7 @@ from fingerlab.diagnosis.settings import (
     WIDE_CUTOFF_HZ,
     WIDE_RATE_HZ,
 )
+from fingerlab.diagnosis.signals.encoder import smallest_step
 from fingerlab.sessions.model import Array
 
 Repair = tuple[str, str]
@@ -230,17 +230,6 @@ def between_readings(values: Array, readings: NDArray[np.intp], count: int) -> A
 
 
 NONE = np.zeros(0, dtype=int)
-
-
-def smallest_step(values: Array) -> float:
-    """The step in which a channel is read: its smallest change where it often does not change; else 0.
-
-    Of what moves many steps from each sample to the next no step is seen.
-    """
-    changes = np.abs(np.diff(values))
-    moved = changes > 0
-    often = len(changes) > 0 and np.mean(~moved) >= OFTEN_STILL
-    return float(changes.min(where=moved, initial=np.inf)) if often and moved.any() else 0.0
 
 
 NARROW_STEP = round(WIDE_RATE_HZ / NARROW_RATE_HZ)

@@ -35,6 +35,7 @@ from fingerlab.diagnosis.settings import (
     WIDE_RATE_HZ,
 )
 from fingerlab.diagnosis.signals.conditions import BENCH_CHANNELS, CHANGE, FINGER_CHANNELS
+from fingerlab.diagnosis.signals.encoder import between_counts, smallest_step
 from fingerlab.diagnosis.signals.filters import (
     REPEATED,
     SPIKE,
@@ -48,7 +49,6 @@ from fingerlab.diagnosis.signals.filters import (
     is_wide_rate,
     lost,
     readings_of,
-    smallest_step,
     usual_wait,
     without_spikes,
 )
@@ -166,6 +166,8 @@ def _without_gaps(run: Run, rig: Rig, start: int, stop: int, on_bench: bool, lea
             if name != "endpoint_force":
                 _check_numbers(run, name, mine[name], start - lead + piece.start)
             mine[name], spikes, repeated = _repaired(mine[name], run.sample_rate_hz, its_lead)
+            if name == "motor_position":
+                mine[name] = between_counts(mine[name], step)
             repairs |= {(REPEATED, name): repeated} if repeated else {}
             spikes = spikes[spikes >= its_lead]
             repairs |= {(SPIKE, name): len(spikes)} if len(spikes) else {}
