@@ -21,6 +21,7 @@ from fingerlab.diagnosis.score.fitted_model import FittedModel, at_found_shapes,
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.search.grid_refinement import extend_path, fit_effects, refine_grid
 from fingerlab.diagnosis.search.next_effect import ScoreTest, climb_grid
+from fingerlab.diagnosis.search.path import earns_its_steps
 from fingerlab.diagnosis.settings import (
     CANDIDATES_REFITTED,
     FAR_SHARE,
@@ -82,8 +83,15 @@ def path_of_many(
         refined = refine_grid(reduction, longer, watch)[1]
         scorer, fitted = _beside_all(reduction, catalogue, refined, watch)
     fitted = _without_needless(scorer, fitted, keep, USUAL_SHARE)
-    found = _in_order(scorer, fitted, keep)
+    found = _as_long_as_earned(_in_order(scorer, fitted, keep))
     return (scorer, found) if _explains_most(scorer, found[-1], keep) else None
+
+
+def _as_long_as_earned(path: list[FittedModel]) -> list[FittedModel]:
+    """The path to where all that follow explain too little: several together mend any law a little."""
+    steps = range(2, len(path))
+    end = next((k for k in steps if not earns_its_steps(path, path[:k], LEAST_SHARE_OF_MANY)), len(path))
+    return path[:end]
 
 
 def path_beside_slack(

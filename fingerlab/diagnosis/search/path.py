@@ -304,7 +304,9 @@ def does_better(one: tuple[Scorer, list[FittedModel]], other: tuple[Scorer, list
     return len(path) < len(rival) and not earns_its_steps(rival, path)
 
 
-def earns_its_steps(longer: Sequence[FittedModel], shorter: Sequence[FittedModel]) -> bool:
-    """Whether each effect more of a longer path explains its share of what the shorter one leaves."""
-    left = (1.0 - NEXT_SHARE) ** (len(longer) - len(shorter))
+def earns_its_steps(
+    longer: Sequence[FittedModel], shorter: Sequence[FittedModel], share: float = NEXT_SHARE
+) -> bool:
+    """Whether each effect more of a longer path explains its ``share`` of what the shorter one leaves."""
+    left = (1.0 - share) ** (len(longer) - len(shorter))
     return longer[-1].score ** 2 - 1.0 < left * (shorter[-1].score ** 2 - 1.0)

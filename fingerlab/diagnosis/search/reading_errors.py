@@ -86,6 +86,9 @@ def find_reading_error(
 
     def explains_all(one: _Tried) -> bool:
         left = min((1.0 - LAG_SHARE) * given.misfit, best.misfit)
+        if any(choice.effect.special == "delay" for choice in best.choices):
+            # Late angles and force, by one number, are the simpler error.
+            left = min(left, HALF_LEFT * best.misfit, best.misfit - LEAST_FALL_BEYOND * best.count)
         return one.without is given and one.fitted.misfit < left
 
     def leaves_far_less(one: _Tried) -> bool:
