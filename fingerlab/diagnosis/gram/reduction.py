@@ -12,7 +12,7 @@ from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from itertools import groupby
+from itertools import groupby, islice
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -80,6 +80,7 @@ from fingerlab.diagnosis.signals.segments import (
     ChannelSigns,
     check_senses,
     is_fragmented,
+    is_read_at_once,
     segments_of,
     with_drive_sign,
 )
@@ -180,9 +181,28 @@ class Reduction:
     @cached_property
     def _looked_at(self) -> dict[int, Motion]:
         """The first stretch of some runs, evenly among all, by their numbers."""
+        return {number: stretches[0] for number, stretches in self._first_looked_at.items()}
+
+    @cached_property
+    def _first_looked_at(self) -> dict[int, Sequence[Motion]]:
+        """All stretches of those that are read at once, of longer ones the first."""
         step = -(-len(self._usable) // MOST_LOOKED_AT)
         some = list(enumerate(self._usable))[::step]
-        return {number: next(segments_of(run, session.rig)) for number, (session, run) in some}
+        return {
+            number: list(islice(segments_of(run, session.rig), None if is_read_at_once(run) else 1))
+            for number, (session, run) in some
+        }
+
+    @property
+    def _read(self) -> dict[int, Sequence[Motion]]:
+        """All stretches of the runs that were looked at, where that is known to be all of them as they are.
+
+        A motor alone is told the sense of its torque after it was looked at.
+        """
+        looked = {} if self.on_bench else vars(self).get("_first_looked_at", {})
+        known = {n: stretches for n, stretches in looked.items() if is_read_at_once(self.pairs[n][1])}
+        # What a motion remembers is many times its size: each pass forms it anew.
+        return {n: [replace(one, _memory={}) for one in stretches] for n, stretches in known.items()}
 
     @property
     def fragmented_runs(self) -> list[str]:
@@ -227,7 +247,7 @@ class Reduction:
             self._read_anew()
 
     def _read_anew(self) -> None:
-        for name in ("sessions", "pairs", "_usable", "_looked_at"):
+        for name in ("sessions", "pairs", "_usable", "_looked_at", "_first_looked_at"):
             vars(self).pop(name, None)
         self._forget()
 
@@ -447,8 +467,9 @@ class Reduction:
         for on_bench in sorted(set(kinds)):
             number = kinds.index(on_bench)
             session, run = self.pairs[number]
-            known = next(self._cache.segments(number), None)
-            motion = known.motion if known is not None else next(segments_of(run, session.rig))
+            kept = next(self._cache.segments(number), None)
+            known = [kept.motion] if kept is not None else self._read.get(number)
+            motion = known[0] if known is not None else next(segments_of(run, session.rig))
             beside = len(set(kinds)) == 2
             speed = self._speed if self.on_bench else 0.0
             found = layout_of(motion.head(), session, effects, beside, speed)
@@ -485,7 +506,7 @@ class Reduction:
         seen: list[ChannelSigns] = []
         facts: list[ChannelRatios] = []
         each = [asked[run.phase == "motor_bench"] for run in runs]
-        parts = sums_in_turn(pairs, effects, whole.signal_count, each, self._cache, keep)
+        parts = sums_in_turn(pairs, effects, whole.signal_count, each, self._cache, keep, self._read)
         for number, run in enumerate(runs):
             watch.tell(number / len(pairs), f"reading run {run.name}")
             sums = next(parts)
