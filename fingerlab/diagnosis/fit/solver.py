@@ -118,6 +118,7 @@ class Fitter:
         self._slack: dict[int, Array] = {}
         self._mean = model.start()
         self._stiffness = self._prior_weight() / model.spread**2
+        self._prior_information = np.diag(self._stiffness)
         self._low, self._high = model.low, model.high
 
     @property
@@ -314,7 +315,7 @@ class Fitter:
 
     def cost(self, values: Array) -> float:
         """Minus twice the log posterior, up to a constant."""
-        result = float(np.sum((values - self._mean) ** 2 * self._stiffness))
+        result = float(((values - self._mean) ** 2 * self._stiffness).sum())
         if self.model.tie is not None:
             result += self.model.tie.cost(values)
         coefficients = self.model.terms.of(values, self._cables)
@@ -398,7 +399,7 @@ class Fitter:
         A change by less than ``least`` either way is taken for the end. Where the curvature is that of no
         minimum there is no such step, and the gain is minus infinity.
         """
-        if not np.all(np.diag(curvature) > 0):  # what was taken away as noise is more than there was
+        if not (curvature.diagonal() > 0).all():  # what was taken away as noise is more than there was
             return values, -np.inf
         step = bounded_step(values, gradient, curvature, self._low, self._high)
         gain = 0.0
@@ -471,8 +472,7 @@ class Fitter:
 
     def _expansion(self, values: Array) -> tuple[Array, Array, Array]:
         """Half the gradient of the cost, (p,); its Gauss-Newton curvature with noise and without, (p, p)."""
-        gradient = self._stiffness * (values - self._mean)
-        information = np.diag(self._stiffness)
+        gradient, information = self._stiffness * (values - self._mean), self._prior_information
         if self.model.tie is not None:
             pull, curvature = self.model.tie.expansion(values)
             gradient, information = gradient + pull, information + curvature

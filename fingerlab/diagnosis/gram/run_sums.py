@@ -272,9 +272,9 @@ def sums_in_turn(
     Args:
         size: signals of all runs. asked: of each run.
     """
-    sent = [_sent(e) for e in effects]
+    sent = [one for one in map(_sent, effects) if one is not None]
     # A user's own effect lives in this process only, and so does what is shown.
-    alone = cache.executor is None or keep is not None or None in sent
+    alone = cache.executor is None or keep is not None or len(sent) < len(effects)
     if alone and all(number in cache for number in range(len(pairs))):
         formed = [effects[k] for one in asked for k in one.formed]
         if None not in map(_sent, formed):  # nobody knows whether that code minds threads
@@ -385,7 +385,5 @@ def _elsewhere(
     global _cached
     if _cached.number != analysis:
         _cached = SegmentCache(number=analysis)
-    effects = [
-        one if isinstance(one, Effect) else replace(CATALOGUE[one[0]], shapes=one[1]) for one in sent
-    ]
+    effects = [one if isinstance(one, Effect) else replace(CATALOGUE[one[0]], shapes=one[1]) for one in sent]
     return run_sums(number, session, run, effects, asked, None, _cached)
