@@ -338,7 +338,7 @@ def _of_each(pick: FeatureSet, products: Sequence[Array | None]) -> Array | None
 
 
 def _less(products: Array, *noise: tuple[Array, Array]) -> Array:
-    """Products of every part, (parts, k, k), less noise: numbers of samples, (parts, 1, 1), of one, (k, k)."""
+    """Products of every part, (parts, k, k), less noise: samples, (parts, 1, 1), and that of one, (k, k)."""
     for samples, of_a_sample in noise:
         if samples.any():
             products = products - samples * of_a_sample
