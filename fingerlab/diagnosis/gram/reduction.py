@@ -181,28 +181,31 @@ class Reduction:
     @cached_property
     def _looked_at(self) -> dict[int, Motion]:
         """The first stretch of some runs, evenly among all, by their numbers."""
-        return {number: stretches[0] for number, stretches in self._first_looked_at.items()}
+        return {number: stretches[0] for number, (stretches, _) in self._stretches.items()}
 
     @cached_property
-    def _first_looked_at(self) -> dict[int, Sequence[Motion]]:
-        """All stretches of those that are read at once, of longer ones the first."""
+    def _stretches(self) -> dict[int, tuple[Sequence[Motion], bool]]:
+        """What was read of these: all stretches of a run that is read at once, or the first; whether all."""
         step = -(-len(self._usable) // MOST_LOOKED_AT)
-        some = list(enumerate(self._usable))[::step]
-        return {
-            number: list(islice(segments_of(run, session.rig), None if is_read_at_once(run) else 1))
-            for number, (session, run) in some
-        }
+        found: dict[int, tuple[Sequence[Motion], bool]] = {}
+        for number, (session, run) in list(enumerate(self._usable))[::step]:
+            whole = is_read_at_once(run)
+            found[number] = list(islice(segments_of(run, session.rig), None if whole else 1)), whole
+        return found
 
     @property
     def _read(self) -> dict[int, Sequence[Motion]]:
-        """All stretches of the runs that were looked at, where that is known to be all of them as they are.
+        """All stretches of the runs that were looked at, where these are all, and as they were.
 
         A motor alone is told the sense of its torque after it was looked at.
         """
-        looked = {} if self.on_bench else vars(self).get("_first_looked_at", {})
-        known = {n: stretches for n, stretches in looked.items() if is_read_at_once(self.pairs[n][1])}
+        looked = {} if self.on_bench else vars(self).get("_stretches", {})
         # What a motion remembers is many times its size: each pass forms it anew.
-        return {n: [replace(one, _memory={}) for one in stretches] for n, stretches in known.items()}
+        return {
+            number: [replace(one, _memory={}) for one in stretches]
+            for number, (stretches, whole) in looked.items()
+            if whole
+        }
 
     @property
     def fragmented_runs(self) -> list[str]:
@@ -247,7 +250,7 @@ class Reduction:
             self._read_anew()
 
     def _read_anew(self) -> None:
-        for name in ("sessions", "pairs", "_usable", "_looked_at", "_first_looked_at"):
+        for name in ("sessions", "pairs", "_usable", "_looked_at", "_stretches"):
             vars(self).pop(name, None)
         self._forget()
 
