@@ -136,6 +136,10 @@ Columns = Callable[[Motion, Shape], list[Term]]
 Closer = Callable[[Shape], Sequence[Shape]]
 
 
+class PortableColumns:
+    """Columns of an effect in no catalogue that another process can be handed: the program's own."""
+
+
 def of_shape(effect: str, name: str) -> str:
     """Key by which a shape follows a number of another effect's shape."""
     return f"{effect}/{name}"

@@ -112,8 +112,9 @@ def _handed_on(shift: Array, low: Array, high: Array, first: float) -> Array:
     while step < count:
         new_low = _clamp(low[:, :-step] + shift[:, step:], low[:, step:], high[:, step:])
         new_high = _clamp(high[:, :-step] + shift[:, step:], low[:, step:], high[:, step:])
-        shift = np.hstack((shift[:, :step], shift[:, step:] + shift[:, :-step]))
-        low, high = np.hstack((low[:, :step], new_low)), np.hstack((high[:, :step], new_high))
+        shift = np.concatenate((shift[:, :step], shift[:, step:] + shift[:, :-step]), axis=1)
+        low = np.concatenate((low[:, :step], new_low), axis=1)
+        high = np.concatenate((high[:, :step], new_high), axis=1)
         if np.array_equal(new_low, new_high):
             break  # what came earlier no longer matters anywhere
         step *= 2
@@ -251,8 +252,8 @@ def _relaxed(decay: Array, drive: Array) -> Array:
     whole, end = np.broadcast_to(decay[-1], drive[-1].shape), drive[-1]
     step, count = 1, end.shape[1]
     while step < count and whole.max() > FORGOTTEN:
-        end = np.hstack((end[:, :step], whole[:, step:] * end[:, :-step] + end[:, step:]))
-        whole = np.hstack((whole[:, :step], whole[:, step:] * whole[:, :-step]))
+        end = np.concatenate((end[:, :step], whole[:, step:] * end[:, :-step] + end[:, step:]), axis=1)
+        whole = np.concatenate((whole[:, :step], whole[:, step:] * whole[:, :-step]), axis=1)
         step *= 2
     start = np.zeros_like(end)
     start[:, 1:] = end[:, :-1]

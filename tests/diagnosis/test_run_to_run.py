@@ -29,7 +29,7 @@ def test_the_share_that_a_run_has_of_its_own_minimises_misfit_and_cost(off: floa
     weight, spread = 1e4, 0.02
     x = np.linspace(-3.0, 3.0, 60001)
     least = float(np.min(weight * (off - spread * x) ** 2 + x**2))
-    found = explained(np.array([[spread]]), np.array([off]), one_column(weight))
+    (found,) = explained(np.array([[spread]]), np.array([off]), one_column(weight)[None])
     assert weight * off**2 - found == pytest.approx(least, rel=1e-4)
 
 

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from fingerlab.diagnosis.settings import DRAFT_RANGE, STATE_RIDGE
-from fingerlab.effects.base import Effect, Row, Scale, Shape, Term
+from fingerlab.effects.base import Effect, PortableColumns, Row, Scale, Shape, Term
 from fingerlab.effects.joints import lateral_levers, misread
 from fingerlab.physics.friction_states import (
     dahl_states,
@@ -202,8 +202,8 @@ def value_of(code: str, motion: Motion) -> Array:
 
 
 @dataclass(frozen=True)
-class TermColumns:
-    """The columns of a term; another process can be handed it."""
+class TermColumns(PortableColumns):
+    """The columns of a term."""
 
     term: DraftTerm
 

@@ -167,6 +167,9 @@ def _trace_of(inertia: float) -> Parameter:
     return replace(usual, high=usual.high / usual.typical * trace, typical=trace)
 
 
+_LOG_USUAL_RATIOS = np.log(USUAL_RATIOS)
+
+
 @dataclass(frozen=True)
 class ArmRatioPenalty:
     """Holds the arms of the two cables together.
@@ -184,11 +187,10 @@ class ArmRatioPenalty:
 
     def expansion(self, values: Array) -> tuple[Array, Array]:
         """Half the gradient of the cost, (p,), and half its curvature, (p, p)."""
-        gradient, curvature = np.zeros(len(values)), np.zeros((len(values), len(values)))
         away = self._distance(values)
         distance = float(np.linalg.norm(away))
         if distance <= self.reach:
-            return gradient, curvature
+            return np.zeros(len(values)), np.zeros((len(values), len(values)))
         outwards, beyond = away / distance, distance - self.reach
         bend = (beyond / distance) * np.eye(2) + (self.reach / distance) * np.outer(outwards, outwards)
         slopes = np.zeros((2, len(values)))
@@ -201,7 +203,7 @@ class ArmRatioPenalty:
     def _distance(self, values: Array) -> Array:
         """The logarithms of both ratios less the usual ones, (2,)."""
         flexion, extension = values[self.places[0]], values[self.places[1]]
-        return np.asarray(np.log(flexion / extension) - np.log(USUAL_RATIOS))
+        return np.asarray(np.log(flexion / extension) - _LOG_USUAL_RATIOS)
 
 
 def tie(index: Mapping[str, int], spread: float) -> ArmRatioPenalty | None:

@@ -14,8 +14,9 @@ would hold it where it stands)."""
 
 def bounded_step(values: Array, gradient: Array, information: Array, low: Array, high: Array) -> Array:
     """Minimiser of the quadratic model inside the bounds (active set with release, as in BVLS)."""
-    scale = 1.0 / np.sqrt(np.diag(information))
-    matrix = information * np.outer(scale, scale) + 1e-9 * np.eye(len(values))
+    scale = 1.0 / np.sqrt(information.diagonal())
+    matrix = information * (scale[:, None] * scale)
+    matrix.flat[:: len(values) + 1] += 1e-9
     slope = gradient * scale
     floor, ceiling = (low - values) / scale, (high - values) / scale
     quick = _pivoted(matrix, slope, floor, ceiling)
@@ -69,23 +70,27 @@ def _pivoted(matrix: Array, slope: Array, floor: Array, ceiling: Array) -> Array
     """
     at_floor = floor > -1e-12
     at_ceiling = (ceiling < 1e-12) & ~at_floor
+    lowest, highest = floor - 1e-12, ceiling + 1e-12
     fewest, known = len(slope) + 1, set[tuple[bytes, bytes, int]]()
     for _ in range(PIVOTING_ROUNDS):
         state = at_floor.tobytes(), at_ceiling.tobytes(), fewest
         if state in known:  # in circles all the same: the curvature is that of no minimum
             return None
         known.add(state)
-        step = np.where(at_floor, floor, 0.0)
-        step[at_ceiling] = ceiling[at_ceiling]
-        at_bound = at_floor | at_ceiling
-        free = (~at_bound).nonzero()[0]
-        if len(free):
-            rest = slope + matrix @ step
-            among = matrix.take(free[:, None] * len(slope) + free)
-            step[free] = np.linalg.solve(among, -rest[free])
+        free = ~(at_floor | at_ceiling)
+        places = free.nonzero()[0]
+        if len(places) == len(slope):
+            step = np.linalg.solve(matrix, -slope)
+        else:
+            step = np.where(at_floor, floor, 0.0)
+            step[at_ceiling] = ceiling[at_ceiling]
+            if len(places):
+                rest = slope + matrix @ step
+                among = matrix.take(places[:, None] * len(slope) + places)
+                step[places] = np.linalg.solve(among, -rest[places])
         pull = slope + matrix @ step
-        now_floor = (at_floor & (pull > -1e-6)) | (~at_bound & (step < floor - 1e-12))
-        now_ceiling = (at_ceiling & (pull < 1e-6)) | (~at_bound & (step > ceiling + 1e-12))
+        now_floor = (at_floor & (pull > -1e-6)) | (free & (step < lowest))
+        now_ceiling = (at_ceiling & (pull < 1e-6)) | (free & (step > highest))
         wrong = ((now_floor != at_floor) | (now_ceiling != at_ceiling)).nonzero()[0]
         if len(wrong) == 0:
             return np.asarray(step)

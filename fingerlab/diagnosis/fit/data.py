@@ -102,8 +102,8 @@ class FeatureProducts:
 
     def of(self, folds: IntArray, columns: IntArray) -> FeatureProducts:
         """Of some of several folds, the products of all features with some."""
-        among = folds[:, None, None], np.arange(self.products.shape[1])[None, :, None], columns[None, None, :]
-        return self._each(lambda part: part[among])
+        every = len(folds) == len(self.products)
+        return self._each(lambda part: (part if every else part[folds]).take(columns, axis=2))
 
     def _each(self, taken: Callable[[Array], Array]) -> FeatureProducts:
         products, denoised, *parts = vars(self).values()
@@ -220,15 +220,16 @@ class Data:
             np.array(counts)[:, None, None]
             for counts in zip(*((p.samples, p.taut_samples, p.rest_samples) for p in parts), strict=True)
         )
-        slack_noise = (samples - taut) * np.where(pick.in_cable, 0.0, slack_noise)
+        loose = samples - taut, np.where(pick.in_cable, 0.0, slack_noise)
+        standing = rest, rest_noise
         return FeatureProducts(
             raw,
-            raw - (taut - rest) * moving_noise - rest * rest_noise - slack_noise,
+            _less(raw, (taut - rest, moving_noise), standing, loose),
             still,
-            None if still is None else still - rest * rest_noise,
+            None if still is None else _less(still, standing),
             None if slack is None else slack * pick.both_cable,
             others,
-            None if others is None else others - slack_noise,
+            None if others is None else _less(others, loose),
         )
 
     def _noise_of(self, i: int, pick: FeatureSet) -> tuple[Array, ...]:
@@ -334,6 +335,14 @@ def _of_each(pick: FeatureSet, products: Sequence[Array | None]) -> Array | None
         if one is not None:
             place[:] = pick.among(one)
     return found
+
+
+def _less(products: Array, *noise: tuple[Array, Array]) -> Array:
+    """Products of every part, (parts, k, k), less noise: samples, (parts, 1, 1), and that of one, (k, k)."""
+    for samples, of_a_sample in noise:
+        if samples.any():
+            products = products - samples * of_a_sample
+    return products
 
 
 def temperature_of(misfit: float, count: float, runs: int = 0) -> float:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -128,10 +129,12 @@ class RandomEffects:
     def _clipped_runs(self, coefficients: Array) -> tuple[IntArray, Array, BoolArray] | None:
         """Of the runs with a part at its bound, their places, (n,); how far each part falls short of what it
         would be without bounds, and which parts are at none, (n, parts) each."""
-        wanted = (self._wanted @ coefficients).reshape(len(self.folds), -1)
-        far = np.flatnonzero(np.abs(wanted).max(axis=1) > self.bound)
-        if not len(far):
+        every = self._wanted @ coefficients
+        size = np.abs(every)
+        if not size.max() > self.bound:  # nearly always, and asked at every step of a fit
             return None
+        wanted = every.reshape(len(self.folds), -1)
+        far = np.flatnonzero(size.reshape(wanted.shape).max(axis=1) > self.bound)
         stands, free = _within(self.system[far], wanted[far], self.bound)
         return far, wanted[far] - stands, free
 
@@ -177,22 +180,24 @@ def _times(matrices: Array, vectors: Array) -> Array:
     return np.asarray((matrices @ vectors[:, :, None])[:, :, 0])
 
 
-def explained(own: Array, h: Array, sums: Weighted) -> float:
-    """What of a misfit the run's own share of the features explains, less what that costs: as a Gaussian.
+def explained(own: Array, h: Array, sums: Weighted) -> Array:
+    """What of the misfits of runs their own share of the features explains, less what that costs, (runs,).
 
-    It goes no further than so many standard deviations: a friction that differs more from run to run follows
-    something that the model lacks.
+    As a Gaussian. It goes no further than so many standard deviations: a friction that differs more from run
+    to run follows something that the model lacks.
 
     Args:
         own: what one standard deviation of each part adds to the features, (k, parts).
-        h: the features' coefficients, (k,). sums: weighted products of the features over the run.
+        h: the features' coefficients, (k,). sums: weighted products of them over every run, (runs, k, k).
     """
     if not own.shape[1]:
-        return 0.0
-    pull = own.T @ sums.matrix @ h
+        return np.zeros(len(sums.matrix))
+    pulls = own.T @ sums.matrix @ h
     stiffness = own.T @ sums.curvature @ own + np.eye(own.shape[1])
-    part = np.clip(np.linalg.solve(stiffness, pull), -RUN_VARIATION_BOUND, RUN_VARIATION_BOUND)
-    return float(2.0 * pull @ part - part @ stiffness @ part)
+    parts = np.linalg.solve(stiffness, pulls[:, :, None])[:, :, 0]
+    parts = np.clip(parts, -RUN_VARIATION_BOUND, RUN_VARIATION_BOUND)
+    each = zip(pulls, parts, stiffness, strict=True)
+    return np.array([2.0 * pull @ part - part @ stiff @ part for pull, part, stiff in each])
 
 
 def own_share(own: Array, h: Array, sums: Weighted) -> Array:
@@ -226,8 +231,15 @@ class LeftOut:
         Args:
             curvature: by how much better they would be known with the run, (p, p).
         """
-        free = np.ix_(self.free, self.free)
-        known, more = self.information[free], curvature[free]
+        places, units, known, log_size = self._known
+        more = curvature[places] * units
+        return float(np.linalg.slogdet(known + more)[1] - log_size)
+
+    @cached_property
+    def _known(self) -> tuple[tuple[Any, ...], Array, Array, float]:
+        """Where the free unknowns stand in a matrix, its units, their information, its log size."""
+        places = np.ix_(self.free, self.free)
+        known = self.information[places]
         scale = 1.0 / np.sqrt(np.diag(known))  # the unknowns have units of their own
-        known, more = known * np.outer(scale, scale), more * np.outer(scale, scale)
-        return float(np.linalg.slogdet(known + more)[1] - np.linalg.slogdet(known)[1])
+        units = np.outer(scale, scale)
+        return places, units, known * units, float(np.linalg.slogdet(known * units)[1])

@@ -73,6 +73,23 @@ class Fit:
         return np.sqrt(np.maximum(np.diag(self.covariance + (temperature - 1.0) * by_noise), 0.0))
 
 
+@dataclass(frozen=True)
+class Slopes:
+    """How a cost changes around some values.
+
+    Attributes:
+        gradient: half of it, (p,). bend: Gauss-Newton curvature without noise, (p, p).
+        held: curvature of the priors, (p, p). jacobian: of the features' coefficients, (groups, k, p).
+        beyond: curvature with noise that the bounds of what runs have of their own add, (p, p) each.
+    """
+
+    gradient: Array
+    bend: Array
+    held: Array
+    jacobian: Array
+    beyond: list[Array]
+
+
 def predictive_misfit(left: LeftOut, pull: Array, bend: Array, low: Array, high: Array) -> float:
     """What a run adds to the cost of the others, each at its best, beyond its own misfit at the fit of all.
 
@@ -118,6 +135,7 @@ class Fitter:
         self._slack: dict[int, Array] = {}
         self._mean = model.start()
         self._stiffness = self._prior_weight() / model.spread**2
+        self._prior_information = np.diag(self._stiffness)
         self._low, self._high = model.low, model.high
 
     @property
@@ -314,7 +332,7 @@ class Fitter:
 
     def cost(self, values: Array) -> float:
         """Minus twice the log posterior, up to a constant."""
-        result = float(np.sum((values - self._mean) ** 2 * self._stiffness))
+        result = float(((values - self._mean) ** 2 * self._stiffness).sum())
         if self.model.tie is not None:
             result += self.model.tie.cost(values)
         coefficients = self.model.terms.of(values, self._cables)
@@ -375,20 +393,20 @@ class Fitter:
 
     def _run(self, start: Array, iterations: int) -> Fit:
         values = np.clip(start, self._low, self._high)
-        cost = self.cost(values)
-        information = np.eye(len(values))
+        cost, slopes = self.cost(values), None
         for _ in range(iterations):
-            gradient, information, bend = self._expansion(values)
+            slopes = self._slopes(values)
             # The cost's own curvature, which lacks the noise, converges in a few steps; where it is too weak
             # to be trusted, the one with noise takes shorter ones.
             least = max(LEAST_GAIN, LEAST_GAIN_SHARE * cost)
-            values, gain = self._improve(values, cost, gradient, bend, least)
+            values, gain = self._improve(values, cost, slopes.gradient, slopes.bend, least)
             if gain < -least:
-                values, gain = self._improve(values, cost, gradient, information, least)
+                information = self._information(slopes)
+                values, gain = self._improve(values, cost, slopes.gradient, information, least)
             cost -= max(gain, 0.0)
             if gain < least:
                 break
-        return Fit(values, information, cost)
+        return Fit(values, np.eye(len(values)) if slopes is None else self._information(slopes), cost)
 
     def _improve(
         self, values: Array, cost: float, gradient: Array, curvature: Array, least: float
@@ -398,7 +416,7 @@ class Fitter:
         A change by less than ``least`` either way is taken for the end. Where the curvature is that of no
         minimum there is no such step, and the gain is minus infinity.
         """
-        if not np.all(np.diag(curvature) > 0):  # what was taken away as noise is more than there was
+        if not (curvature.diagonal() > 0).all():  # what was taken away as noise is more than there was
             return values, -np.inf
         step = bounded_step(values, gradient, curvature, self._low, self._high)
         gain = 0.0
@@ -466,29 +484,35 @@ class Fitter:
 
     def normal_equations(self, values: Array) -> tuple[Array, Array]:
         """Half the gradient of the cost, (p,), and its Gauss-Newton curvature with noise, (p, p)."""
-        gradient, information, _ = self._expansion(values)
-        return gradient, information
+        slopes = self._slopes(values)
+        return slopes.gradient, self._information(slopes)
 
-    def _expansion(self, values: Array) -> tuple[Array, Array, Array]:
-        """Half the gradient of the cost, (p,); its Gauss-Newton curvature with noise and without, (p, p)."""
-        gradient = self._stiffness * (values - self._mean)
-        information = np.diag(self._stiffness)
+    def _slopes(self, values: Array) -> Slopes:
+        """Half the gradient of the cost, and its Gauss-Newton curvature without noise."""
+        gradient, held = self._stiffness * (values - self._mean), self._prior_information
         if self.model.tie is not None:
             pull, curvature = self.model.tie.expansion(values)
-            gradient, information = gradient + pull, information + curvature
-        sums = self.stacked()
+            gradient, held = gradient + pull, held + curvature
         h, jacobian = self.coefficients(values)
-        across = jacobian.reshape(-1, len(values)).T
-        slopes = (sums.matrix @ jacobian).reshape(-1, len(values))
-        bent = (sums.curvature @ jacobian).reshape(-1, len(values))
+        slopes = (self.stacked().matrix @ jacobian).reshape(-1, len(values))
         gradient = gradient + h.reshape(-1) @ slopes
-        information, bend = information + across @ bent, information + across @ slopes
+        bend = held + jacobian.reshape(-1, len(values)).T @ slopes
+        beyond = []
         for i, one in self._beyond(h):
             along = one.along(jacobian[i])
             gradient = gradient + one.slope.sum(axis=0) @ jacobian[i]
-            information = information + along.curvature.sum(axis=0)
             bend = bend + along.matrix.sum(axis=0)
-        return gradient, information, bend
+            beyond.append(along.curvature.sum(axis=0))
+        return Slopes(gradient, bend, held, jacobian, beyond)
+
+    def _information(self, at: Slopes) -> Array:
+        """The curvature with noise, (p, p); asked for at few of the points that a fit goes through."""
+        size = at.jacobian.shape[-1]
+        bent = (self.stacked().curvature @ at.jacobian).reshape(-1, size)
+        information = at.held + at.jacobian.reshape(-1, size).T @ bent
+        for curvature in at.beyond:
+            information = information + curvature
+        return np.asarray(information)
 
     def _beyond(self, coefficients: Array) -> Iterator[tuple[int, BoundTerms]]:
         """What the bounds of the runs' own parts add, with the number of their group."""

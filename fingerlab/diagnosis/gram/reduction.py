@@ -12,7 +12,7 @@ from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from itertools import groupby
+from itertools import groupby, islice
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -80,6 +80,7 @@ from fingerlab.diagnosis.signals.segments import (
     ChannelSigns,
     check_senses,
     is_fragmented,
+    is_read_at_once,
     segments_of,
     with_drive_sign,
 )
@@ -180,9 +181,31 @@ class Reduction:
     @cached_property
     def _looked_at(self) -> dict[int, Motion]:
         """The first stretch of some runs, evenly among all, by their numbers."""
+        return {number: stretches[0] for number, (stretches, _) in self._stretches.items()}
+
+    @cached_property
+    def _stretches(self) -> dict[int, tuple[Sequence[Motion], bool]]:
+        """What was read of these: all stretches of a run that is read at once, or the first; whether all."""
         step = -(-len(self._usable) // MOST_LOOKED_AT)
-        some = list(enumerate(self._usable))[::step]
-        return {number: next(segments_of(run, session.rig)) for number, (session, run) in some}
+        found: dict[int, tuple[Sequence[Motion], bool]] = {}
+        for number, (session, run) in list(enumerate(self._usable))[::step]:
+            whole = is_read_at_once(run)
+            found[number] = list(islice(segments_of(run, session.rig), None if whole else 1)), whole
+        return found
+
+    @property
+    def _read(self) -> dict[int, Sequence[Motion]]:
+        """All stretches of the runs that were looked at, where these are all, and as they were.
+
+        A motor alone is told the sense of its torque after it was looked at.
+        """
+        looked = {} if self.on_bench else vars(self).get("_stretches", {})
+        # What a motion remembers is many times its size: each pass forms it anew.
+        return {
+            number: [replace(one, _memory={}) for one in stretches]
+            for number, (stretches, whole) in looked.items()
+            if whole
+        }
 
     @property
     def fragmented_runs(self) -> list[str]:
@@ -227,7 +250,7 @@ class Reduction:
             self._read_anew()
 
     def _read_anew(self) -> None:
-        for name in ("sessions", "pairs", "_usable", "_looked_at"):
+        for name in ("sessions", "pairs", "_usable", "_looked_at", "_stretches"):
             vars(self).pop(name, None)
         self._forget()
 
@@ -447,8 +470,9 @@ class Reduction:
         for on_bench in sorted(set(kinds)):
             number = kinds.index(on_bench)
             session, run = self.pairs[number]
-            known = next(self._cache.segments(number), None)
-            motion = known.motion if known is not None else next(segments_of(run, session.rig))
+            kept = next(self._cache.segments(number), None)
+            known = [kept.motion] if kept is not None else self._read.get(number)
+            motion = known[0] if known is not None else next(segments_of(run, session.rig))
             beside = len(set(kinds)) == 2
             speed = self._speed if self.on_bench else 0.0
             found = layout_of(motion.head(), session, effects, beside, speed)
@@ -485,7 +509,7 @@ class Reduction:
         seen: list[ChannelSigns] = []
         facts: list[ChannelRatios] = []
         each = [asked[run.phase == "motor_bench"] for run in runs]
-        parts = sums_in_turn(pairs, effects, whole.signal_count, each, self._cache, keep)
+        parts = sums_in_turn(pairs, effects, whole.signal_count, each, self._cache, keep, self._read)
         for number, run in enumerate(runs):
             watch.tell(number / len(pairs), f"reading run {run.name}")
             sums = next(parts)

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import os
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from functools import lru_cache, partial
@@ -38,7 +38,8 @@ from fingerlab.diagnosis.signals.conditions import GroupKey
 from fingerlab.diagnosis.signals.filters import noise_of_derivatives
 from fingerlab.diagnosis.signals.segments import segments_of, senses
 from fingerlab.effects import CATALOGUE
-from fingerlab.effects.base import Effect, Shape
+from fingerlab.effects.base import Effect, PortableColumns, Shape
+from fingerlab.physics.motion import Motion
 from fingerlab.sessions.model import Array, IntArray, Run, Session
 from fingerlab.sessions.trajectory import commanded_frequency, found_frequency
 
@@ -130,6 +131,8 @@ def sums_of_difference(numbers: tuple[int, int], group: GroupKey, first: Array, 
 
 Keep = Callable[[Session, Run, Decimated], None]
 """Who is shown every segment of a run as it passes."""
+Looked = Mapping[int, Sequence[Motion]]
+"""All stretches of the runs that were read before their first reduction, by the runs' numbers."""
 
 
 def run_sums(
@@ -140,10 +143,14 @@ def run_sums(
     asked: ReadRequest,
     keep: Keep | None,
     cache: SegmentCache,
+    stretches: Sequence[Motion] | None = None,
 ) -> RunSums:
-    """Products of all signals over a run, in segments of at most a minute; ``number`` is its own."""
+    """Products of all signals over a run, in segments of at most a minute; ``number`` is its own.
+
+    ``stretches``: of the run, if it was read already.
+    """
     result = RunSums(run.name)
-    for low in _decimated(number, session, run, effects, asked, cache):
+    for low in _decimated(number, session, run, effects, asked, cache, stretches):
         motion = low.wide
         if asked.first and result.facts is None:
             result.facts = facts_of(run, motion, session.rig)
@@ -186,6 +193,7 @@ def _decimated(
     effects: Sequence[Effect],
     asked: ReadRequest,
     cache: SegmentCache,
+    stretches: Sequence[Motion] | None,
 ) -> Iterator[Decimated]:
     """All signals of a run's segments, read or from the cache; a first reading is kept."""
     if number in cache:
@@ -193,7 +201,7 @@ def _decimated(
             yield decimated_again(segment, effects, asked)
         return
     found: list[CachedSegment] | None = [] if asked.first else None
-    for motion in segments_of(run, session.rig):
+    for motion in segments_of(run, session.rig) if stretches is None else stretches:
         low = decimated_columns(motion, effects, asked.signals)
         yield low
         if found is not None:
@@ -240,6 +248,13 @@ Grid = tuple[str, Sequence[Shape]]
 """A built-in effect by its id, and the shapes that are asked of it."""
 
 
+def _sent(effect: Effect) -> Grid | Effect | None:
+    """What a second process is told of an effect; None where it is a user's code, which lives in this one."""
+    if not of_the_user(effect):
+        return effect.id, effect.shapes
+    return effect if isinstance(effect.columns, PortableColumns) else None
+
+
 def sums_in_turn(
     pairs: Sequence[tuple[Session, Run]],
     effects: Sequence[Effect],
@@ -247,6 +262,7 @@ def sums_in_turn(
     asked: Sequence[ReadRequest],
     cache: SegmentCache,
     keep: Keep | None,
+    looked: Looked,
 ) -> Iterator[RunSums]:
     """The sums of every run, in order; a second process works ahead on every run that is not yet begun.
 
@@ -256,12 +272,12 @@ def sums_in_turn(
     Args:
         size: signals of all runs. asked: of each run.
     """
-    grids = [(e.id, e.shapes) for e in effects]
+    sent = [one for one in map(_sent, effects) if one is not None]
     # A user's own effect lives in this process only, and so does what is shown.
-    alone = cache.executor is None or keep is not None or any(of_the_user(e) for e in effects)
+    alone = cache.executor is None or keep is not None or len(sent) < len(effects)
     if alone and all(number in cache for number in range(len(pairs))):
         formed = [effects[k] for one in asked for k in one.formed]
-        if not any(of_the_user(e) for e in formed):  # nobody knows whether that code minds threads
+        if None not in map(_sent, formed):  # nobody knows whether that code minds threads
             yield from _in_threads(pairs, effects, size, asked, cache, keep)
             return
     waiting = deque(range(len(pairs)))
@@ -274,7 +290,7 @@ def sums_in_turn(
         cache.elsewhere.add(number)
         assert cache.executor is not None
         ahead[number] = cache.executor.submit(
-            _elsewhere, number, replace(session, runs=()), run, grids, asked[number], cache.number
+            _elsewhere, number, replace(session, runs=()), run, sent, asked[number], cache.number
         )
 
     try:
@@ -289,7 +305,8 @@ def sums_in_turn(
                 if own is not None and (number in waiting or not ahead[number].done()):
                     waiting.remove(own)
                     shown = None if keep is None else partial(in_place, keep, asked[own].start, size)
-                    done[own] = run_sums(own, *pairs[own], effects, asked[own], shown, cache)
+                    known = looked.get(own)
+                    done[own] = run_sums(own, *pairs[own], effects, asked[own], shown, cache, known)
                 else:
                     done[number] = ahead.pop(number).result()
             yield done.pop(number)
@@ -357,11 +374,16 @@ _cached = SegmentCache(number=-1)
 
 
 def _elsewhere(
-    number: int, session: Session, run: Run, grids: Sequence[Grid], asked: ReadRequest, analysis: int
+    number: int,
+    session: Session,
+    run: Run,
+    sent: Sequence[Grid | Effect],
+    asked: ReadRequest,
+    analysis: int,
 ) -> RunSums:
     """What the second process does."""
     global _cached
     if _cached.number != analysis:
         _cached = SegmentCache(number=analysis)
-    effects = [replace(CATALOGUE[name], shapes=shapes) for name, shapes in grids]
+    effects = [one if isinstance(one, Effect) else replace(CATALOGUE[one[0]], shapes=one[1]) for one in sent]
     return run_sums(number, session, run, effects, asked, None, _cached)

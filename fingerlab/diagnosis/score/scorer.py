@@ -28,7 +28,7 @@ from fingerlab.diagnosis.fit.noise import (
     products_of_rows,
 )
 from fingerlab.diagnosis.fit.priors import prior_penalty, starting_arms
-from fingerlab.diagnosis.fit.random_effects import LeftOut, explained, own_share
+from fingerlab.diagnosis.fit.random_effects import explained, own_share
 from fingerlab.diagnosis.fit.solver import Fitter
 from fingerlab.diagnosis.gram.run_constants import EquationWeights, Offsets, RunConstants
 from fingerlab.diagnosis.gram.sums import Reduced
@@ -278,32 +278,30 @@ class Scorer:
         The folds of one split are left out together. A group with one fold only is scored in sample. With
         ``residuals`` the equations' own residuals are kept too, and what is left fold by fold.
         """
-        groups = self.reduced.groups
-        scored: dict[tuple[int, int], list[tuple[float, float]]] = {}
+        groups, values, fitter = self.reduced.groups, fitted.fit.values, self._fitter(fitted)
         products = {g.key: np.zeros((5, 5)) for g in groups}
         by_fold = {g.key: FoldErrors(np.zeros(len(g.dealt)), np.zeros((len(g.dealt), 5, 5))) for g in groups}
-        fitter = self._fitter(fitted)
-        coefficients = fitter.coefficients(fitted.fit.values)[0]
+        seen = self._in_sample_folds(fitter, fitted)
+        unseen = [folds.copy() for folds in seen]
         for split in sorted({fold.split for g in groups for fold in g.dealt}):
-            left = fitter.without(fitted.fit.values, split)
+            left = fitter.without(values, split)
             for i, group in enumerate(groups):
-                unseen = group.of_split(split)
-                for k, fold in enumerate(group.dealt):
-                    if fold.split == split:
-                        one = self._fold_chi_square(
-                            fitter, fitted.fit.values, coefficients, i, k, left if k in unseen else None
-                        )
-                        scored.setdefault((i, fold.condition), []).append(one)
-                        by_fold[group.key].misfits[k] = one[0]
-                        if residuals:
-                            found = self._products(fitter, left.values, i, k)
-                            products[group.key] += found
-                            by_fold[group.key].residuals[k] = found
-        misfits = np.array([np.sum(scored[i, c], axis=0) for i, g in enumerate(groups) for c in g.conditions])
+                for k in group.of_split(split):
+                    unseen[i][k, 0] += fitter.predictive_misfit(i, k, left)
+                if residuals:
+                    for k in (k for k, fold in enumerate(group.dealt) if fold.split == split):
+                        found = self._products(fitter, left.values, i, k)
+                        products[group.key] += found
+                        by_fold[group.key].residuals[k] = found
+        for group, folds in zip(groups, unseen, strict=True):
+            by_fold[group.key].misfits[:] = folds[:, 0]
+        misfits = np.array(
+            [folds[g.of_condition(c)].sum(axis=0) for g, folds in zip(groups, unseen, strict=True)
+             for c in g.conditions]
+        )  # fmt: skip
         means = {g.key: products[g.key] / max(g.samples, 1) for g in groups} if residuals else {}
         # Of two conditions each may allow what the other does, and no values both: a model leaves no less on
         # runs that were left out than where it has seen them all.
-        seen = self._in_sample_folds(fitter, fitted)
         in_sample = self._of_conditions(seen)
         self._no_less(by_fold, seen, misfits, in_sample)
         misfits[:, 0] = np.maximum(misfits[:, 0], in_sample[:, 0])
@@ -377,15 +375,21 @@ class Scorer:
         return self._of_conditions(self._in_sample_folds(fitter, fitted))
 
     def _in_sample_folds(self, fitter: Fitter, fitted: FittedModel) -> list[Array]:
-        """The same of each fold of every group, (folds, 2) each."""
-        values = fitted.fit.values
+        """The same of each fold of every group, (folds, 2) each: without what its runs have of their own."""
+        values, found = fitted.fit.values, []
         coefficients = fitter.coefficients(values)[0]
-        return [
-            np.array(
-                [self._fold_chi_square(fitter, values, coefficients, i, k) for k in range(len(group.dealt))]
-            )
-            for i, group in enumerate(self.reduced.groups)
-        ]
+        for i, (group, h) in enumerate(zip(self.reduced.groups, coefficients, strict=True)):
+            sums, samples = fitter.folds(i), np.array([fold.samples for fold in group.folds])
+            squares = np.array([float(one @ h) for one in h @ sums.matrix])
+            for condition in group.conditions:
+                mine = group.of_condition(condition)
+                own = random_effect_columns(fitter.model, values, h, group, condition)
+                squares[mine] -= explained(own, h, sums[mine])
+            if self._above_weights and not group.repeats:
+                exist = np.count_nonzero(np.diag(fitter.weights[group.key]))
+                squares -= EFFECTIVE_SHARE * samples * exist
+            found.append(np.stack((squares, EFFECTIVE_SHARE * samples * group.equations), axis=1))
+        return found
 
     def _of_conditions(self, folds: Sequence[Array]) -> Array:
         """What the folds of every condition have together, (conditions, 2)."""
@@ -395,33 +399,6 @@ class Scorer:
             for c in group.conditions
         )
         return np.array([_no_less_than_nothing(found).sum(axis=0) for found in each])
-
-    def _fold_chi_square(
-        self,
-        fitter: Fitter,
-        values: Array,
-        coefficients: Array,
-        i: int,
-        k: int,
-        left: LeftOut | None = None,
-    ) -> tuple[float, float]:
-        """Reproducible chi-square of fold ``k`` of group ``i``, and the independent values behind it.
-
-        Args:
-            coefficients: of the features at the ``values``, (groups, k).
-            left: what the other runs tell, where the fit has not seen this.
-        """
-        group, sums = self.reduced.groups[i], fitter.part(i, (k,))
-        h = coefficients[i]
-        own = random_effect_columns(fitter.model, values, h, group, group.dealt[k].condition)
-        square = float(h @ sums.matrix @ h) - explained(own, h, sums)
-        count = EFFECTIVE_SHARE * group.folds[k].samples * group.equations
-        if left is not None:
-            square += fitter.predictive_misfit(i, k, left)
-        if self._above_weights and not group.repeats:
-            exist = np.count_nonzero(np.diag(fitter.weights[group.key]))
-            square -= EFFECTIVE_SHARE * group.folds[k].samples * exist
-        return square, count
 
     def run_offsets(self, fitted: FittedModel) -> list[Offsets]:
         """The constants that the runs of every group have of their own beside a scored model."""

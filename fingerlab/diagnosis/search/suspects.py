@@ -32,7 +32,7 @@ from fingerlab.diagnosis.signals.reading_errors import (
     TORQUE,
     ReadingError,
 )
-from fingerlab.effects.base import BESIDE_A_FINGER, Effect, Row, Shape, Term
+from fingerlab.effects.base import BESIDE_A_FINGER, Effect, PortableColumns, Row, Shape, Term
 from fingerlab.effects.transmission import pull_terms
 from fingerlab.physics import nominal
 from fingerlab.physics.motion import Motion
@@ -156,6 +156,17 @@ _COLUMNS: Mapping[str, Callable[[Sequence[str], Motion, Shape], list[Term]]] = {
 }
 
 
+@dataclass(frozen=True, eq=False)
+class ErrorColumns(PortableColumns):
+    """The columns of what some numbers of a channel's error leave out."""
+
+    channel: str
+    names: tuple[str, ...]
+
+    def __call__(self, motion: Motion, shape: Shape) -> list[Term]:
+        return _COLUMNS[self.channel](self.names, motion, shape)
+
+
 @dataclass(frozen=True)
 class Suspect:
     """A channel, and which numbers of its :class:`ReadingError` may be wrong; ``simpler``: fewer of them."""
@@ -193,7 +204,7 @@ class Suspect:
             family="Sensors",
             acts_on=("endpoint_force", "joint_torque", "cable_kinematics"),
             gains={name: ranges[name] for name in self.names},
-            columns=partial(_COLUMNS[self.channel], self.names),
+            columns=ErrorColumns(self.channel, self.names),
             coordinate="force",
             equation=Row.PIP,
             explanation="A channel reads something else than there is.",

@@ -97,6 +97,11 @@ def segments_of(run: Run, rig: Rig) -> Iterator[Motion]:
         )
 
 
+def is_read_at_once(run: Run) -> bool:
+    """Whether all of a run is read in one block, so that its stretches together are no more than that."""
+    return len(_blocks(run)) == 1
+
+
 def _blocks(run: Run) -> list[tuple[int, int]]:
     """First and last sample (exclusive) of the blocks of at most a minute in which a run is read."""
     rate = run.sample_rate_hz
