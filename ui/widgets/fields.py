@@ -302,9 +302,14 @@ def row(*widgets: QWidget | QLayout) -> QHBoxLayout:
     return hbox(None, *((widget, 1) for widget in widgets), margins=FLUSH, spacing=8)
 
 
+USUAL_LETTER = 6.0
+"""Mean width of a letter for which the columns of empty pages were measured, px."""
+
+
 def centred_column(page: QWidget, width: int) -> QVBoxLayout:
     """A column at most so wide in the middle of an otherwise empty page, a little above its centre."""
-    column = QWidget(maximumWidth=width)
+    larger = page.fontMetrics().averageCharWidth() / USUAL_LETTER  # where letters are
+    column = QWidget(maximumWidth=round(width * max(larger, 1.0)))
     inner = vbox(column, spacing=16)
     # The column takes all up to its widest, so that its text gets the height it needs.
     vbox(page, Spacer(2), hbox(None, Spacer(1), (column, 100), Spacer(1)), Spacer(3))
