@@ -93,7 +93,7 @@ class ComparisonPlot(pg.GraphicsLayoutWidget):
             plot.getViewBox().sigResized.connect(self._label_axes)
         self.top.getAxis("bottom").setStyle(showValues=False)
         self.bottom.getAxis("bottom").setHeight(bottom_axis_height())
-        self.bottom.setLabel("bottom", "Time (s)")
+        self.bottom.setLabel("bottom", "Time in the run (s)")
         self.bottom.setXLink(self.top)
         self._add_items()
         self.pair = CursorPair((self.top, self.bottom), self)
