@@ -109,7 +109,7 @@ def _figures(session: Session, folder: Path | None) -> Any:
     with bar:
         analysis = thesis_analysis(session, report)
     fitted = f"fitted to its runs on air, {analysis.cable} cable"
-    runs = [run.name for run in (*analysis.on_air, *analysis.contact)]
+    runs = [run.name for run in analysis.on_air] + [run.name for run in analysis.contact]
     return thesis_figures(analysis, figure_source(session, fitted, runs)), folder
 
 

@@ -232,9 +232,9 @@ def _predict_with_effects(
     if figures is not None:
         from fingerlab.report.force_figures import extended_figures
 
-        told = f"{Path(where).name}: {model_words(extended.effect_ids)}"
+        words = f"{Path(where).name}: {model_words(extended.effect_ids)}"
         predicted = [run.run for run in next(iter(result.runs.values()))]
-        drawn = (extended_figures(result, figure_source(session, told, predicted)), figures)
+        drawn = (extended_figures(result, figure_source(session, words, predicted)), figures)
     told = [_prediction_json(name, one, runs) for name, runs in result.runs.items() for one in EQUATIONS]
     write_results(_json(session, model, told), json_target, None, drawn)
 
