@@ -36,7 +36,7 @@ from fingerlab.report.diagnosis_words import PHASE_WORDS
 from fingerlab.sessions.model import CABLES, CHANNEL_UNITS, PHASES, Array
 
 from ..widgets.fields import NumberField, choice, set_usable
-from ..widgets.layout import Spacer, as_written, described, hbox, resize_on_screen, vbox
+from ..widgets.layout import Spacer, WrappedRow, as_written, described, hbox, resize_on_screen, vbox
 from ..widgets.plots import DecimatedCurve, QuietPlot, span_of
 from ..widgets.tables import NumberTable, remark
 from ..widgets.theme import colours_of, tint
@@ -77,7 +77,7 @@ COLUMNS = (
     ("Sign reversed", "The numbers are taken times −1, for a sensor that counts the other way."),
     ("First values", "As they stand in the file."),
 )
-SHOWN_VALUES = 3
+SHOWN_VALUES, NAME_LETTERS = 3, 8
 ROOM, NUMBER_WIDTH = 48, 180
 """Of a list beside its words, for frame and arrow, and of a number, px."""
 AXIS_HELP = (
@@ -106,6 +106,7 @@ class ColumnTable(NumberTable):
         header = self.horizontalHeader()
         header.setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
         header.setSectionResizeMode(0, QHeaderView.ResizeMode.Stretch)
+        header.setMinimumSectionSize(NAME_LETTERS * self.fontMetrics().averageCharWidth())
         for place, letters in ((1, 22), (2, 12), (3, 8)):
             header.setSectionResizeMode(place, QHeaderView.ResizeMode.Fixed)
             header.resizeSection(place, letters * self.fontMetrics().averageCharWidth() + ROOM)
@@ -366,9 +367,8 @@ class ImportDialog(QDialog):
         for label, number in ((samples, self.rate), (ampere, self.constant), (lever, self.lever)):
             label.setBuddy(number)
         first = hbox(None, samples, self.rate, 16, self.rig, (self.rig_words, 1), Spacer(), spacing=8)
-        axis_fields = (ampere, self.constant, 16, lever, self.lever)
-        second = hbox(None, self.axis, 16, *axis_fields, Spacer(1), spacing=8)
         self._axis_only: tuple[QWidget, ...] = (ampere, self.constant, lever, self.lever)
+        second = WrappedRow((self.axis, *self._axis_only))
         halves = QSplitter(Qt.Orientation.Vertical)
         for half in (self.columns, self.preview):
             halves.addWidget(half)
@@ -455,7 +455,9 @@ class ImportDialog(QDialog):
             self.plans = self._planned(sources)
             if self.axis_rig is not None and not self.constant.value() and self.rig_file is None:
                 self._refuse_unknown_constant()
-            told = [line for plan in self.plans for line in describe(plan) if "<- column" not in line]
+            told = [
+                _plainly(line) for plan in self.plans for line in describe(plan) if "<- column" not in line
+            ]
             words = in_the_window("\n".join(told), self._files)
         except UserError as error:
             self.plans, words = (), in_the_window(str(error), self._files)
@@ -541,6 +543,17 @@ class ImportDialog(QDialog):
             set_usable(self.constant, False)
             self.constant.setToolTip("The rig file says what an ampere gives.")
             self.look()
+
+
+def _plainly(line: str) -> str:
+    """What a channel is made of, in words and signs that are no program's."""
+    channel, arrow, made = line.partition(" <- ")
+    if not arrow:
+        return line
+    words = re.sub(
+        r"\w+_\w+", lambda found: TITLES.get(found[0], found[0].replace("_", " ")), f"{channel}: {made}"
+    )
+    return words.replace(" * ", " × ")
 
 
 def in_the_window(sentence: str, files: Sequence[Path] = ()) -> str:

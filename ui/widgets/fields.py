@@ -31,7 +31,7 @@ from PySide6.QtWidgets import (
     QWidgetAction,
 )
 
-from .layout import FLUSH, Spacer, as_written, described, hbox, vbox
+from .layout import FLUSH, USUAL_LETTER, Spacer, as_written, described, hbox, vbox
 from .theme import colours_of
 
 WAITS_FOR_FOCUS = "waitsForFocus"
@@ -300,10 +300,6 @@ def form_menu(button: QPushButton | QToolButton, form: QWidget) -> QMenu:
 def row(*widgets: QWidget | QLayout) -> QHBoxLayout:
     """Side by side, equal in width."""
     return hbox(None, *((widget, 1) for widget in widgets), margins=FLUSH, spacing=8)
-
-
-USUAL_LETTER = 6.0
-"""Mean width of a letter for which the columns of empty pages were measured, px."""
 
 
 def centred_column(page: QWidget, width: int) -> QVBoxLayout:

@@ -157,7 +157,7 @@ class WrappedRow(QWidget):
         return len(self._rows(self.width()))
 
     def _height(self, room: int) -> int:
-        tall = [max((w.sizeHint().height() for w, *_ in row), default=0) for row in self._rows(room)]
+        tall = [max((_tall(w) for w, *_ in row), default=0) for row in self._rows(room)]
         return sum(tall) + self._gap * (len(tall) - 1)
 
     def sizeHint(self) -> QSize:
@@ -189,15 +189,20 @@ class WrappedRow(QWidget):
     def _put(self) -> None:
         y = 0
         for row in self._rows(self.width()):
-            tall = max((widget.sizeHint().height() for widget, *_ in row), default=0)
+            tall = max((_tall(widget) for widget, *_ in row), default=0)
             spare = self.width() - sum(width for _, width, _ in row) - self._gap * (len(row) - 1)
             shares, x = sum(share for *_, share in row), 0
             for widget, least, share in row:
                 width = least + (max(spare, 0) * share // shares if share else 0)
-                high = widget.sizeHint().height()
+                high = _tall(widget)
                 widget.setGeometry(x, y + (tall - high) // 2, width, high)
                 x += width + self._gap
             y += tall + self._gap
+
+
+def _tall(widget: QWidget) -> int:
+    """What it gets in a row; the style may ask for more than the widget."""
+    return max(widget.sizeHint().height(), widget.minimumHeight())
 
 
 class _Fitted(QScrollArea):
@@ -339,14 +344,17 @@ class Panes(QSplitter):
         self.splitterMoved.connect(lambda *_: settings.set_heights(self.objectName(), self.sizes()))
 
 
+USUAL_LETTER = 6.0
+"""Mean width of a letter for which widths in px were measured, px."""
 TITLE_BAR_HEIGHT = 40
 """px that a desktop puts above a window (assumed)."""
 
 
 def resize_on_screen(window: QWidget, width: int, height: int) -> None:
-    """Give a window this size, px, or less height where the screen has no more."""
-    room = window.screen().availableGeometry().height() - TITLE_BAR_HEIGHT
-    window.resize(width, min(height, room))
+    """Give a window this size, px, more width where letters are larger, or less height on a low screen."""
+    screen = window.screen().availableGeometry()
+    wider = round(width * max(window.fontMetrics().averageCharWidth() / USUAL_LETTER, 1.0))
+    window.resize(max(width, min(wider, screen.width())), min(height, screen.height() - TITLE_BAR_HEIGHT))
 
 
 class ResultDialog(QDialog):
