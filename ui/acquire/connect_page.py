@@ -85,7 +85,6 @@ class ConnectPage(QWidget):
         self.rig.clicked.connect(self._on_rig)
         self.practise.clicked.connect(lambda: practice.start(context))
         context.protocol_handed.connect(lambda _steps, title: self.show_waiting(title or "A protocol"))
-        context.trajectory_handed.connect(lambda _one, title: self.show_waiting(title or "A trajectory"))
         context.bench_changed.connect(lambda: self.show_waiting(""))
         self._on_fault()
 

@@ -244,15 +244,11 @@ class LivePane(QWidget):
 
     def _wanted(self, step: int) -> Mapping[QWidget, bool]:
         """What stands above the plot, and whether it is shown once so much is left out."""
-        everything = [*self.readings.values(), *self.modelled, self.error]
-        return {
-            one: step < self._spared.get(one, len(SPARED) + 1) and (one not in self._belongs() or self._model)
-            for one in everything
-        }
-
-    def _belongs(self) -> Sequence[QWidget]:
-        """What is there for a model alone."""
-        return () if self.spec.model else (*self.modelled, self.error)
+        whole = dict.fromkeys(self.readings.values(), True)
+        of_model = dict.fromkeys(self.modelled, self._model or self.spec.model)
+        everything = {**whole, **of_model, self.error: self._model and not self.spec.model}
+        last = len(SPARED) + 1
+        return {one: on and step < self._spared.get(one, last) for one, on in everything.items()}
 
     def _needed(self, step: int) -> int:
         """Width of the row once so much is left out."""
