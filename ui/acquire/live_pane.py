@@ -244,9 +244,9 @@ class LivePane(QWidget):
 
     def _wanted(self, step: int) -> Mapping[QWidget, bool]:
         """What stands above the plot, and whether it is shown once so much is left out."""
-        whole = dict.fromkeys(self.readings.values(), True)
-        of_model = dict.fromkeys(self.modelled, self._model or self.spec.model)
-        everything = {**whole, **of_model, self.error: self._model and not self.spec.model}
+        everything: dict[QWidget, bool] = dict.fromkeys(self.readings.values(), True)
+        everything |= dict.fromkeys(self.modelled, self._model or self.spec.model)
+        everything[self.error] = self._model and not self.spec.model
         last = len(SPARED) + 1
         return {one: on and step < self._spared.get(one, last) for one, on in everything.items()}
 
