@@ -67,8 +67,12 @@ def _folder_for_figures(
     context: click.Context, parameter: click.Parameter, folder: Path | None
 ) -> Path | None:
     """Find out before the work that the figures could not be written."""
-    if folder is not None and not context.resilient_parsing and folder.exists() and not folder.is_dir():
+    if folder is None or context.resilient_parsing:
+        return folder
+    if folder.exists() and not folder.is_dir():
         raise UserError(f"{folder} is a file; give '--figures' a folder to write to.")
+    if not folder.parent.is_dir():
+        raise UserError(f"--figures is {folder}; the folder {folder.parent} does not exist, make it first.")
     return folder
 
 

@@ -91,8 +91,10 @@ def compare(
     drawn = None
     if figures is not None:
         from fingerlab.report.force_figures import comparison_figures
+        from fingerlab.report.recording_words import figure_source
 
-        drawn = (comparison_figures(result), figures)
+        source = figure_source(session, ", ".join(models), [run.name for run in session.runs])
+        drawn = (comparison_figures(result, source), figures)
     write_results(_comparison_json(result), json_target, None, drawn)
 
 

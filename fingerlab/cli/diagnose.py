@@ -123,7 +123,7 @@ def diagnose(
     if figures is not None:
         from fingerlab.report.diagnosis_figures import diagnosis_figures
 
-        drawn = (diagnosis_figures(result), figures)
+        drawn = (diagnosis_figures(result, opened), figures)
     answer = (
         result.to_json() if laws is None else {**result.to_json(), "draft": [law.to_json() for law in laws]}
     )

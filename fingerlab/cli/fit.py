@@ -20,7 +20,7 @@ from fingerlab.cli.common import (
 )
 from fingerlab.core.errors import UserError
 from fingerlab.core.plain_data import json_ready
-from fingerlab.core.text import in_words, mean_and_deviation, number
+from fingerlab.core.text import in_words, mean_and_deviation, number, run_names
 from fingerlab.models.file import estimate_to_json
 from fingerlab.sessions import Session, open_session
 from fingerlab.signals.periods import REGION_TITLES, THRESHOLDS_PERCENT
@@ -102,12 +102,15 @@ def _figures(session: Session, folder: Path | None) -> Any:
     if folder is None:
         return None
     from fingerlab.report.force_figures import thesis_figures
+    from fingerlab.report.recording_words import figure_source
     from fingerlab.thesis.analysis import thesis_analysis
 
     bar, report = progress_bar("Drawing")
     with bar:
         analysis = thesis_analysis(session, report)
-    return thesis_figures(analysis), folder
+    fitted = f"fitted to its runs on air, {analysis.cable} cable"
+    runs = [run.name for run in analysis.on_air] + [run.name for run in analysis.contact]
+    return thesis_figures(analysis, figure_source(session, fitted, runs)), folder
 
 
 def _print_fit(session: Session, result: SessionFit) -> None:
@@ -117,7 +120,7 @@ def _print_fit(session: Session, result: SessionFit) -> None:
         table = result_table(
             *("joint", "region", ">moment arm (mm)", ">friction loss (mN m)", ">R2 pooled", ">R2 by run"),
             ">delay (ms)",
-            title=f"{cable} cable, {_runs(result.used[cable])}",
+            title=f"{cable} cable, {run_names(result.used[cable])}",
         )
         for (joint, region), one in results.items():
             table.add_row(JOINT_TITLES[joint], REGION_TITLES[region], *_cells(one, result.spec.delay))
@@ -127,12 +130,6 @@ def _print_fit(session: Session, result: SessionFit) -> None:
         names = ", ".join(name for name, _ in result.skipped)
         reasons = " or ".join(dict.fromkeys(reason for _, reason in result.skipped))
         console.print(f"Not used: {names} ({reasons}).", soft_wrap=True)
-
-
-def _runs(names: tuple[str, ...]) -> str:
-    if len(names) > 12:
-        return f"{len(names)} runs, {names[0]} to {names[-1]}"
-    return f"run{'s' if len(names) > 1 else ''} {', '.join(names)}"
 
 
 def _cells(result: RegionResult, delay: str) -> tuple[str, ...]:
@@ -219,7 +216,7 @@ def _print_motor_bench(session: Session, result: MotorBenchFit) -> None:
         "motor_torque = J * acceleration + gain * load_torque + offset.",
         soft_wrap=True,
     )
-    table = result_table("parameter", ">value", "source", title=_runs(tuple(result.run_r2)))
+    table = result_table("parameter", ">value", "source", title=run_names(tuple(result.run_r2)))
     for name, estimate in result.parameters.items():
         source = "fixed by the rig" if name in result.fixed else "fitted"
         table.add_row("J" if name == "inertia" else name, in_words(estimate), source)

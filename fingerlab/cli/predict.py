@@ -52,8 +52,9 @@ from fingerlab.prediction.predict import ExtendedPrediction, RunPrediction, inte
 from fingerlab.prediction.target import ContactPose, pose_by_hand, pose_of_run, wanted_force, words_of
 from fingerlab.prediction.trial import CAUSES, Trial, analyse_trial, trial_json
 from fingerlab.report.comparison_words import result_sentences, trial_row
-from fingerlab.report.diagnosis_words import effect_title, in_sentence
+from fingerlab.report.diagnosis_words import effect_title, in_sentence, model_words
 from fingerlab.report.page_tables import worse_force_sentence
+from fingerlab.report.recording_words import figure_source
 from fingerlab.sessions import Session, content_hash, open_session
 from fingerlab.signals.periods import REGION_TITLES
 from fingerlab.thesis.contact import ContactRun, SessionPrediction, parameter_sets, predict_session
@@ -131,7 +132,8 @@ def _predict_by_region(
     if figures is not None:
         from fingerlab.report.force_figures import prediction_figures
 
-        drawn = (prediction_figures(result), figures)
+        source = figure_source(session, Path(where).name, [run.name for run in result.runs])
+        drawn = (prediction_figures(result, source), figures)
     sweep = [{"angle_deg": s.angle_deg, "peak": s.peak, "r2": s.r2} for s in result.sweep]
     told = _json(session, model, _regions_json(result), result.sweep_set, sweep)
     write_results(told, json_target, None, drawn)
@@ -230,7 +232,9 @@ def _predict_with_effects(
     if figures is not None:
         from fingerlab.report.force_figures import extended_figures
 
-        drawn = (extended_figures(result), figures)
+        words = f"{Path(where).name}: {model_words(extended.effect_ids)}"
+        predicted = [run.run for run in next(iter(result.runs.values()))]
+        drawn = (extended_figures(result, figure_source(session, words, predicted)), figures)
     told = [_prediction_json(name, one, runs) for name, runs in result.runs.items() for one in EQUATIONS]
     write_results(_json(session, model, told), json_target, None, drawn)
 
@@ -445,14 +449,16 @@ def trial(session_file: Path, figures: Path | None, json_target: str | None) -> 
     Beside it stands what the found model had foretold, and what is left by cause: what differs from run to
     run, what is constant, in proportion, late, or against the direction of the force.
     """
-    found = analyse_trial(open_session(session_file))
+    session = open_session(session_file)
+    found = analyse_trial(session)
     if json_target != "-":
         _print_trial(found, session_file.name)
     drawn = None
     if figures is not None:
         from fingerlab.report.force_figures import trial_figures
 
-        drawn = (trial_figures(found), figures)
+        source = figure_source(session, found.model_file, [run.name for run in session.runs])
+        drawn = (trial_figures(found, source), figures)
     write_results(json_ready(trial_json(found)), json_target, None, drawn)
 
 

@@ -339,3 +339,14 @@ def in_sentence(title: str) -> str:
     if title[:2].isupper() or title.startswith(_NAMES):
         return title
     return title[:1].lower() + title[1:]
+
+
+MOST_NAMES = 12
+"""Of runs that are told one by one."""
+
+
+def run_names(names: Sequence[str], most: int = MOST_NAMES) -> str:
+    """``run 001``, ``runs 001, 003``; of more than ``most``: ``14 runs, 001 to 014``."""
+    if len(names) > most:
+        return f"{len(names)} runs, {names[0]} to {names[-1]}"
+    return f"run{'s' if len(names) > 1 else ''} {', '.join(names)}"

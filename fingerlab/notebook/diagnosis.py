@@ -146,7 +146,7 @@ class DiagnosisView(Displayed):
             raise UserError("This diagnosis holds no curves; ask for it with curves=True to draw figures.")
         from fingerlab.report.diagnosis_figures import diagnosis_figures
 
-        return Figures(diagnosis_figures(self.result))
+        return Figures(diagnosis_figures(self.result, self._sessions))
 
     def fit(self, effects: Sequence[str] | None = None) -> ModelView:
         """Fit the model to the same sessions, where none are named with the effects that it adds."""

@@ -115,7 +115,7 @@ def _fit_rows(analysis: ThesisAnalysis) -> tuple[tuple[str, str, str, str, str],
 
 
 def _figures(analysis: ThesisAnalysis) -> tuple[tuple[str, Figure, str], ...]:
-    drawn = ((name, FIGURES[name](analysis), caption) for name, caption in CAPTIONS.items())
+    drawn = ((name, FIGURES[name][1](analysis), caption) for name, caption in CAPTIONS.items())
     return tuple((name, _smaller(figure), caption) for name, figure, caption in drawn if figure is not None)
 
 

@@ -25,7 +25,13 @@ from fingerlab.report.budget_words import (
     residual_unit,
     worst_words,
 )
-from fingerlab.report.diagnosis_words import FAMILY_TITLES, effect_title, in_sentence, suspects
+from fingerlab.report.diagnosis_words import (
+    FAMILY_TITLES,
+    effect_title,
+    in_sentence,
+    model_words,
+    suspects,
+)
 from fingerlab.report.figure_style import (
     CANDIDATE,
     FLOOR,
@@ -34,15 +40,16 @@ from fingerlab.report.figure_style import (
     MODELLED,
     RESIDUAL,
     TICK_SIZE,
-    in_lines,
     label,
     legend_below,
     named_handles,
     named_rows,
     new_figure,
     score_bars,
+    titled,
 )
-from fingerlab.sessions.model import Array
+from fingerlab.report.recording_words import recorded_words
+from fingerlab.sessions.model import Array, Session
 
 HALF_SIZE = (4.4, 3.4)
 """Inches; two such figures stand side by side on the page."""
@@ -243,11 +250,11 @@ def draw_budget(axes: Axes, budget: Budget, family: str) -> None:
     axes.axvline(0.0, color=MEASURED, lw=0.6)
 
 
-def diagnosis_figures(diagnosis: Diagnosis) -> Mapping[str, Figure]:
+def diagnosis_figures(diagnosis: Diagnosis, sessions: Sequence[Session] = ()) -> Mapping[str, Figure]:
     """By name: error path and budget, where the model fails and worst of all, the suspects' fingerprints.
 
     Where no effect is suspected, the fingerprint is that of the most probable one. Above each stands what it
-    shows, and of which sessions.
+    shows, and of which sessions and model; ``sessions`` tell the day of recording as well.
     """
     figures = {"error-path": path_figure(diagnosis.path, diagnosis.model)}
     titles = {"error-path": "Error path"}
@@ -274,11 +281,8 @@ def diagnosis_figures(diagnosis: Diagnosis) -> Mapping[str, Figure]:
             name = f"fingerprint-{candidate.effect.replace('_', '-')}"
             figures[name] = fingerprint_figure(candidate.fingerprint, candidate.title)
             titles[name] = f"Fingerprint of {in_sentence(candidate.title)}"
-    sessions = " + ".join(Path(one).name for one in diagnosis.sessions)
-    for name, figure in figures.items():
-        words = in_lines(f"{titles[name]} – {sessions}", figure)
-        figure.suptitle(words, x=0.01, ha="left", fontsize=TICK_SIZE)
-    return figures
+    told = recorded_words(sessions) or " + ".join(Path(one).name for one in diagnosis.sessions)
+    return titled(figures, titles, f"{told}; {model_words(diagnosis.model, diagnosis)}")
 
 
 def _place(shown: DrawnStretch) -> str:

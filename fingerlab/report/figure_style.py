@@ -204,6 +204,18 @@ def in_lines(words: str, figure: Figure) -> str:
     return "\n".join(wrap(words, int(LETTERS_AN_INCH * float(figure.get_figwidth()))))
 
 
+def titled(figures: Mapping[str, Figure], titles: Mapping[str, str], source: str) -> Mapping[str, Figure]:
+    """The figures, above each of which now stands what it shows, and of what.
+
+    Args:
+        titles: what each shows, by its name. source: session with its day, model, runs.
+    """
+    for name, figure in figures.items():
+        words = in_lines(f"{titles[name]} – {source}", figure)
+        figure.suptitle(words, x=0.01, ha="left", fontsize=TICK_SIZE)
+    return figures
+
+
 @contextmanager
 def headed(figure: Figure, words: str) -> Iterator[None]:
     """The figure with words above it, for a file of its own: beyond its edge, so that nothing in it moves."""

@@ -6,7 +6,7 @@ session cannot give it: no contact run, no static region, nothing that repeats.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 
 import numpy as np
@@ -32,6 +32,7 @@ from fingerlab.report.figure_style import (
     named_rows,
     new_figure,
     score_bars,
+    titled,
 )
 from fingerlab.report.onair_figures import (
     DELAY_TITLES,
@@ -168,8 +169,12 @@ STRETCH_S = 5.0
 VARIANT_COLOURS = {"extended": CANDIDATE, "nominal": MODELLED}
 
 
-def extended_figures(result: ExtendedPrediction) -> Mapping[str, Figure]:
-    """Force with its interval, what is missed, peaks by run and normalised force, for each variant."""
+def extended_figures(result: ExtendedPrediction, source: str = "") -> Mapping[str, Figure]:
+    """Force with its interval, what is missed, peaks by run and normalised force, for each variant.
+
+    Args:
+        source: told above each, of these and of the other figures: session with its day, and model.
+    """
     figures: dict[str, Figure] = {}
     figures["force"] = force_figure({name: runs[0] for name, runs in result.runs.items()})
     for name, runs in result.runs.items():
@@ -179,7 +184,26 @@ def extended_figures(result: ExtendedPrediction) -> Mapping[str, Figure]:
         normalised = normalised_force(predictions[0], f"{title}, run {runs[0].run}")
         if normalised is not None:
             figures[f"normalised-{name}"] = normalised
-    return figures
+    return titled(figures, _titles(figures), source or result.session.name)
+
+
+FORCE_TITLES = {
+    "force-error": "Error of the endpoint force, by model",
+    "force-trial": "Endpoint force of a feed-forward trial, wanted and measured",
+    "force": "Endpoint force, measured and modelled",
+    "peaks": "Mean peak of the endpoint force, by run",
+    "normalised": "Endpoint force over the average period, each scaled from 0 to 1",
+    "contact-angle": "Endpoint force by the angle of contact",
+    "error": "Error over all equations, by model",
+}
+"""What a figure shows, by what its name begins with."""
+
+
+def _titles(figures: Iterable[str]) -> dict[str, str]:
+    return {
+        name: next(title for start, title in FORCE_TITLES.items() if name.startswith(start))
+        for name in figures
+    }
 
 
 def force_figure(runs: Mapping[str, RunPrediction]) -> Figure:
@@ -219,13 +243,13 @@ def _start_of(curve: Curve) -> Curve:
     return Curve(curve.time[part], curve.measured[part], curve.modelled[part], curve.half_width[part])
 
 
-def comparison_figures(result: ModelComparison) -> Mapping[str, Figure]:
+def comparison_figures(result: ModelComparison, source: str) -> Mapping[str, Figure]:
     """Error in floors and, where there are contact runs, error of the force and its interval, by model."""
     figures = {"error": error_figure(result.models)}
     runs = [run for model in result.models for run in model.forces]
     if runs and all(np.isfinite(run.numbers["both"].value("rmse")) for run in runs):
         figures["force-error"] = force_error_figure(result.models)
-    return figures
+    return titled(figures, _titles(figures), source)
 
 
 def _axis_words(model: ComparedModel) -> str:
@@ -258,7 +282,7 @@ def force_error_figure(models: Sequence[ComparedModel]) -> Figure:
     return figure
 
 
-def trial_figures(trial: Trial) -> Mapping[str, Figure]:
+def trial_figures(trial: Trial, source: str) -> Mapping[str, Figure]:
     """One figure: the force above, the error below; every run thin, the mean of a model's runs thick."""
     figure, (above, below) = new_figure(2, 1, size=(7.2, 5.4))
     for model, colour in ((trial.nominal, MODELLED), (trial.found, CANDIDATE)):
@@ -277,10 +301,10 @@ def trial_figures(trial: Trial) -> Mapping[str, Figure]:
     label(above, "", "force (N)")
     label(below, "time (s)", "measured less wanted (mN)")
     legend_below(figure, above)
-    return {"force-trial": figure}
+    return titled({"force-trial": figure}, FORCE_TITLES, source)
 
 
-def prediction_figures(result: SessionPrediction) -> Mapping[str, Figure]:
+def prediction_figures(result: SessionPrediction, source: str) -> Mapping[str, Figure]:
     """Force in time, peaks by run and normalised force for each cable and joint, and the angle sweep."""
     figures: dict[str, Figure] = {}
     for cable, joint in dict.fromkeys((s.cable, s.joint) for s in result.sets.values()):
@@ -308,7 +332,7 @@ def prediction_figures(result: SessionPrediction) -> Mapping[str, Figure]:
             result.sweep,
             f"Contact force leaning towards the base, run {swept.name}",
         )
-    return figures
+    return titled(figures, _titles(figures), source)
 
 
 def force_of_four_regions(analysis: ThesisAnalysis) -> Figure | None:
@@ -380,34 +404,63 @@ def contact_angles(analysis: ThesisAnalysis) -> Figure | None:
     return None
 
 
-FIGURES: Mapping[str, Callable[[ThesisAnalysis], Figure | None]] = {
-    "figure-4-01-filtering": filtering,
-    "figure-4-02-regions": regions_of_speed,
-    "figure-4-03-r2-four-regions": r2_of_regions,
-    "figure-4-04-force-four-regions": force_of_four_regions,
-    "figure-4-05-plane-extension": partial(tension_plane, region="extension"),
-    "figure-4-06-plane-static": partial(tension_plane, region="static_1"),
-    "figure-4-07-speeds-in-contact": speeds_in_contact,
-    "figure-4-08-force-single-set": force_of_one_set,
-    "figure-4-09-lhs-and-tension": lhs_and_tension,
-    "figure-4-10-delays": delays_by_run,
-    "figure-4-11-r2-cross-correlation": partial(r2_with_delay, delay="finddelay"),
-    "figure-4-12-aligned-cross-correlation": partial(
-        aligned, delay="finddelay", regions=("flexion", "extension")
+FIGURES: Mapping[str, tuple[str, Callable[[ThesisAnalysis], Figure | None]]] = {
+    "figure-4-01-filtering": ("Filtering of the MCP angle", filtering),
+    "figure-4-02-regions": ("Joint speeds on air with their regions", regions_of_speed),
+    "figure-4-03-r2-four-regions": ("R2 of the line in each of four regions", r2_of_regions),
+    "figure-4-04-force-four-regions": (
+        "Endpoint force with the parameters of four regions",
+        force_of_four_regions,
     ),
-    "figure-4-13-aligned-findsignal": partial(aligned, delay="findsignal", regions=("extension",)),
-    "figure-4-14-r2-findsignal": partial(r2_with_delay, delay="findsignal"),
-    "figure-4-15-r2-means": mean_r2,
-    "figure-4-16-force-flexion-delays": partial(force_by_delay, region="flexion", threshold=30),
-    "figure-4-17-force-extension-delays": partial(force_by_delay, region="extension", threshold=10),
-    "figure-4-18-amplitudes": peaks_by_run,
-    "figure-4-19-normalised-force": normalised,
-    "figure-5-02-contact-angle": contact_angles,
+    "figure-4-05-plane-extension": (
+        "Joint torque against cable tension in extension",
+        partial(tension_plane, region="extension"),
+    ),
+    "figure-4-06-plane-static": (
+        "Joint torque against cable tension at standstill",
+        partial(tension_plane, region="static_1"),
+    ),
+    "figure-4-07-speeds-in-contact": ("Joint speeds in contact", speeds_in_contact),
+    "figure-4-08-force-single-set": (
+        "Endpoint force with one set of parameters throughout",
+        force_of_one_set,
+    ),
+    "figure-4-09-lhs-and-tension": ("Joint torque and cable tension over one period", lhs_and_tension),
+    "figure-4-10-delays": ("Delay of each run by cross-correlation", delays_by_run),
+    "figure-4-11-r2-cross-correlation": (
+        "R2 with the delay by cross-correlation",
+        partial(r2_with_delay, delay="finddelay"),
+    ),
+    "figure-4-12-aligned-cross-correlation": (
+        "Torque and tension, shifted by cross-correlation",
+        partial(aligned, delay="finddelay", regions=("flexion", "extension")),
+    ),
+    "figure-4-13-aligned-findsignal": (
+        "Torque and tension, shifted by least squares (findsignal)",
+        partial(aligned, delay="findsignal", regions=("extension",)),
+    ),
+    "figure-4-14-r2-findsignal": (
+        "R2 with the delay by least squares (findsignal)",
+        partial(r2_with_delay, delay="findsignal"),
+    ),
+    "figure-4-15-r2-means": ("Mean R2 by region, method of the delay and threshold", mean_r2),
+    "figure-4-16-force-flexion-delays": (
+        "Endpoint force with the parameters of flexion, by method of the delay",
+        partial(force_by_delay, region="flexion", threshold=30),
+    ),
+    "figure-4-17-force-extension-delays": (
+        "Endpoint force with the parameters of extension, by method of the delay",
+        partial(force_by_delay, region="extension", threshold=10),
+    ),
+    "figure-4-18-amplitudes": (FORCE_TITLES["peaks"], peaks_by_run),
+    "figure-4-19-normalised-force": (FORCE_TITLES["normalised"], normalised),
+    "figure-5-02-contact-angle": (FORCE_TITLES["contact-angle"], contact_angles),
 }
-"""File name without suffix -> function, in the order of the thesis."""
+"""File name without suffix -> what it shows, and function, in the order of the thesis."""
 
 
-def thesis_figures(analysis: ThesisAnalysis) -> Mapping[str, Figure]:
+def thesis_figures(analysis: ThesisAnalysis, source: str) -> Mapping[str, Figure]:
     """Every figure that the session can give, by name."""
-    drawn = {name: make(analysis) for name, make in FIGURES.items()}
-    return {name: figure for name, figure in drawn.items() if figure is not None}
+    drawn = {name: make(analysis) for name, (_, make) in FIGURES.items()}
+    titles = {name: title for name, (title, _) in FIGURES.items()}
+    return titled({name: figure for name, figure in drawn.items() if figure is not None}, titles, source)

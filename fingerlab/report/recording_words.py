@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
-from fingerlab.core.text import amount, listed, percent, score_text
+from fingerlab.core.text import amount, listed, percent, run_names, score_text
 from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.diagnosis.score.calibration import Verdict
 from fingerlab.report.diagnosis_words import (
@@ -17,7 +17,7 @@ from fingerlab.report.diagnosis_words import (
     would_show,
 )
 from fingerlab.rig.file import read_intervention
-from fingerlab.sessions import open_session
+from fingerlab.sessions import Session, open_session
 from fingerlab.sessions.trajectory import trajectory_words
 
 NO_CHANCE = 0.005
@@ -151,3 +151,17 @@ def _gain_words(gain: object) -> str:
     if not isinstance(gain, (int, float)):
         return ""
     return f" (expected gain in log evidence {'over 100' if gain > 100 else f'{gain:.1f}'}; 5 decides)"
+
+
+MOST_ABOVE = 4
+"""Of runs that are told one by one above a figure."""
+
+
+def recorded_words(sessions: Iterable[Session]) -> str:
+    """Sessions by file and day, as they stand above a figure: ``bench.h5, recorded 2026-05-03``."""
+    return " + ".join(f"{one.path.name}, recorded {one.created[:10]}" for one in sessions)
+
+
+def figure_source(session: Session, model: str, runs: Sequence[str]) -> str:
+    """What a figure is of, as it stands above it: session with its day, model, runs."""
+    return f"{recorded_words([session])}; {model}; {run_names(runs, MOST_ABOVE)}"

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from fingerlab.models.file import load_model
+from fingerlab.sessions import open_session
 from tests.cli.calling import refused, run_command
 
 SAMPLES = 8000
@@ -101,19 +104,42 @@ def test_model_file_keeps_the_fit(session_file: Path, tmp_path: Path, capsys) ->
     assert kept.method == "whole"
 
 
-def test_figures_are_pictures(session_file: Path, model_file: Path, tmp_path: Path, capsys) -> None:
+@pytest.fixture
+def heads(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """What stands above every figure that is written."""
+    told: list[str] = []
+    write = Figure.savefig
+
+    def keep(figure: Figure, *args: Any, **options: Any) -> None:
+        told.append(" ".join(figure.get_suptitle().split()))
+        write(figure, *args, **options)
+
+    monkeypatch.setattr(Figure, "savefig", keep)
+    return told
+
+
+def test_figures_are_pictures(
+    session_file: Path, model_file: Path, tmp_path: Path, capsys, heads: list[str]
+) -> None:
     folder = tmp_path / "figures"
     assert run_command("predict", session_file, "--model", model_file, "--figures", folder) == 0
     pictures = sorted(folder.iterdir())
     assert {p.name for p in pictures} >= {"force-pip-extension-cable.png", "peaks-mcp-extension-cable.png"}
     assert all(p.read_bytes().startswith(PNG) for p in pictures)
+    day, (run,) = open_session(session_file).created[:10], open_session(session_file).contact_runs()
+    source = f"{session_file.name}, recorded {day}; {model_file.name}; run {run.name}"
+    assert f"Mean peak of the endpoint force, by run – {source}" in heads
+    assert len(heads) == len(pictures)
+    assert all(head.endswith(f" – {source}") for head in heads)
 
 
-def test_fit_draws_the_thesis_figures(session_file: Path, tmp_path: Path, capsys) -> None:
+def test_fit_draws_the_thesis_figures(session_file: Path, tmp_path: Path, capsys, heads: list[str]) -> None:
     folder = tmp_path / "figures"
     assert run_command("fit", session_file, "--figures", folder) == 0
     names = {p.name for p in folder.iterdir()}
     assert {"figure-4-02-regions.png", "figure-4-15-r2-means.png", "figure-5-02-contact-angle.png"} <= names
+    assert all(f" – {session_file.name}, recorded " in head and "cable; " in head for head in heads)
+    assert "does not exist" in refused(capsys, "fit", session_file, "--figures", tmp_path / "no" / "figures")
 
 
 def test_predict_compares_with_the_load_cell(session_file: Path, model_file: Path, capsys) -> None:

@@ -45,9 +45,9 @@ def test_the_worst_run_and_the_middle_one_are_picked(found) -> None:
 def test_every_figure_tells_what_it_shows_and_of_which_session(found) -> None:
     drawn = diagnosis_figures(replace(found, sessions=("there/bench.h5",)))
     told = {name: figure.get_suptitle() for name, figure in drawn.items()}
-    assert told["error-path"] == "Error path – bench.h5"
-    assert told["pip-torque-1"] == "PIP torque, run 002 – bench.h5"
-    assert all(words.endswith("bench.h5") for words in told.values())
+    assert told["error-path"] == "Error path – bench.h5; the nominal model"
+    assert told["pip-torque-1"] == "PIP torque, run 002 – bench.h5; the nominal model"
+    assert all("bench.h5" in words for words in told.values())
 
 
 def test_the_stretch_of_the_failure_holds_it(found) -> None:

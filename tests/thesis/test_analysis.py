@@ -91,13 +91,13 @@ def test_a_session_without_contact_has_no_force_numbers() -> None:
     assert np.isnan(analysis.quantity("r2_angle_60").value)
     assert analysis.quantity("r2_pip_extension").value > 0.999
     assert analysis.contact == ()
-    names = set(thesis_figures(analysis))
+    names = set(thesis_figures(analysis, "bench.h5"))
     assert "figure-4-02-regions" in names
     assert "figure-4-18-amplitudes" not in names
 
 
 def test_every_figure_draws_what_the_analysis_says(invented_analysis: ThesisAnalysis) -> None:
-    figures = thesis_figures(invented_analysis)
+    figures = thesis_figures(invented_analysis, "bench.h5")
     assert set(figures) == set(FIGURES)
     for name, figure in figures.items():
         for axes in figure.axes:

@@ -30,7 +30,7 @@ from ..app.context import ApplicationContext
 from ..app.tab_registry import SEPARATOR, Command
 from ..widgets.fields import NumberField, choice, form_menu, refuse_entries
 from ..widgets.free_plots import PlotsButton
-from ..widgets.layout import described, hbox
+from ..widgets.layout import WrappedRow, described, hbox
 from ..widgets.tables import ElidedLabel, header_name, heading
 from .acquire_panel import AcquirePanel
 from .bench_controller import BenchController
@@ -183,21 +183,12 @@ class PlotToolbar(QWidget):
         self.model.setMinimumContentsLength(11)
         self.times = described(ElidedLabel(), "cursorTimes", accessible="Times of the cursors")
         self.differences = described(ElidedLabel(), "cursorText", accessible="At the cursors")
-        row = hbox(
-            None,
-            self.window_s,
-            self.hold,
-            self.cursors,
-            self.trigger,
-            self.arrange,
-            (self.times, 1),
-            self.model,
-            spacing=8,
-        )
+        switches = (self.window_s, self.hold, self.cursors, self.trigger, self.arrange)
+        row = WrappedRow((*switches, (self.times, 1), self.model))
         layout = QGridLayout(self)
         layout.setContentsMargins(8, 4, 8, 0)
         layout.setSpacing(4)
-        layout.addLayout(row, 0, 0)
+        layout.addWidget(row, 0, 0)
         layout.addWidget(self.differences, 1, 0)
         self.differences.hide()
         self.window_s.activated.connect(self._on_window)

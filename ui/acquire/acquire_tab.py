@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from datetime import datetime
 from pathlib import Path
 from threading import Event
 from typing import Any
@@ -38,7 +39,7 @@ from ..app.context import ApplicationContext
 from ..app.tab_registry import Tab
 from ..app.worker import Failed
 from ..widgets.fields import take_typed
-from ..widgets.layout import FLUSH, SideRoom, hbox, vbox
+from ..widgets.layout import FLUSH, OnePage, SideRoom, hbox, vbox
 from .acquire_bars import AbovePlots, AcquireHeader, LiveModelComparison, PlotToolbar, PromptBar, acquire_menu
 from .acquire_panel import AcquirePanel, PanelActions
 from .bench_controller import BenchController
@@ -127,7 +128,7 @@ class AcquireTab(Tab):
         bench = QWidget()
         hbox(bench, (left, 1), SideRoom(self.panel), margins=FLUSH, spacing=0)
         self.bench_page = bench
-        self.pages = QStackedWidget()
+        self.pages = OnePage()
         self.pages.addWidget(self.connect_page)
         self.pages.addWidget(bench)
         self.pages.addWidget(self.check_page)
@@ -187,6 +188,9 @@ class AcquireTab(Tab):
 
     def window_title(self) -> str:
         return self.controller.status.device if self.controller.status is not None else ""
+
+    def figure_source(self, plot: QWidget) -> str:
+        return f"{self.window_title()}, live, {datetime.now():%Y-%m-%d %H:%M}"
 
     def on_shown(self) -> None:
         if not self._looked:

@@ -27,7 +27,7 @@ from ..widgets.fields import (
     take_typed,
 )
 from ..widgets.layout import as_written, described
-from ..widgets.tables import heading, remark, whole_remark
+from ..widgets.tables import WholeLabel, heading, whole_remark
 from .bench_setup import BenchRequest, forget_own_device, own_device_file, own_device_files
 
 if TYPE_CHECKING:
@@ -85,7 +85,6 @@ class ConnectPage(QWidget):
         self.rig.clicked.connect(self._on_rig)
         self.practise.clicked.connect(lambda: practice.start(context))
         context.protocol_handed.connect(lambda _steps, title: self.show_waiting(title or "A protocol"))
-        context.trajectory_handed.connect(lambda _one, title: self.show_waiting(title or "A trajectory"))
         context.bench_changed.connect(lambda: self.show_waiting(""))
         self._on_fault()
 
@@ -126,8 +125,8 @@ class ConnectPage(QWidget):
         self.fault_after.setSuffix(" s")
 
     def _make_card(self) -> None:
-        self.found = described(QLabel("Looking for a data acquisition card …"), "foundSentence")
-        self.found.setWordWrap(True)
+        self.found = described(WholeLabel("Looking for a data acquisition card …"), "foundSentence")
+        self.found.setTextFormat(Qt.TextFormat.PlainText)
         self.card = _button("Connect to the &card", "connectCard")
         self.card.setEnabled(False)
         self.again = _button("Look a&gain", "lookAgain")
@@ -178,7 +177,7 @@ class ConnectPage(QWidget):
         inner.addWidget(self.title)
         inner.addWidget(self.waiting)
         inner.addWidget(
-            remark(
+            whole_remark(
                 "Connect one to see it live, drive it and record it. The simulated rig works in the same way "
                 "as the real one."
             )

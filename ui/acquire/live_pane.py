@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from PySide6.QtCore import QSignalBlocker, QSize, Signal
 from PySide6.QtGui import QPainter, QPaintEvent, QResizeEvent
@@ -36,6 +36,7 @@ class ScaleButton(QToolButton):
     def __init__(self, spec: LivePlotSpec, scale: PlotScale, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._scale = scale
+        self._short = False
         self._shown = (-spec.least / 2, spec.least / 2)
         self.setObjectName(f"scale_{spec.key}")
         self.setAccessibleName(f"Scale of {spec.title}")
@@ -91,18 +92,38 @@ class ScaleButton(QToolButton):
             self._scale.fixed = None
         self._say()
 
+    def shorten(self, on: bool) -> None:
+        """Without the word for how it is, where room is short."""
+        if on != self._short:
+            self._short = on
+            self._say()
+
+    def width_of(self, short: bool) -> int:
+        """What it needs, short or not, px."""
+        more = 0 if self._short else self._words_width()
+        return self.sizeHint().width() - more + (0 if short else self._words_width())
+
+    def _words_width(self) -> int:
+        return self.fontMetrics().horizontalAdvance(self._how())
+
+    def _how(self) -> str:
+        return ": auto" if self._scale.fixed is None else ": set"
+
     def _say(self) -> None:
-        self.setText("Scale: auto" if self._scale.fixed is None else "Scale: set")
+        self.setText("Scale" if self._short else f"Scale{self._how()}")
+        self.setAccessibleDescription("automatic" if self._scale.fixed is None else "as it was set")
 
 
 SHRINK_BELOW = 0.35
 """An automatic scale is tightened when its data fill less than this share of it."""
 
 SCALE_MARGIN = 1.15
-SPARED = ("motor_speed",)
-"""Readings that a narrow window leaves out; the cursors tell them all the same."""
-LEAST_CHARACTERS = 88
-"""Width that a plot and its most important numbers keep, in characters."""
+SPARED = ("motor_speed",), ("motor_current",)
+"""Readings that a narrow window leaves out, and those that go next; the cursors tell them all the same."""
+NAMED = ("motor_command",)
+"""Readings of which only the name is left in the end, with the sample of its curve."""
+GAP, MARGIN, SAMPLE_GAP = 16, 8, 4
+"""Between the readings, at either end of their row, and within one, px."""
 
 
 class Swatch(QWidget):
@@ -139,11 +160,16 @@ class LargeReading(QWidget):
         # Nothing moves as digits come and go, and a label of fixed size does not lay out the window.
         self.value.setFixedSize(widest.sizeHint().width() * 5 // 4, self.value.sizeHint().height())
         self.setToolTip(quantity.help)
-        layout = hbox(self, margins=FLUSH, spacing=4)
+        layout = hbox(self, margins=FLUSH, spacing=SAMPLE_GAP)
         if trace is not None:
             layout.addWidget(Swatch(trace))
         layout.addWidget(remark(quantity.title, wrap=False))
         layout.addWidget(self.value)
+
+    def width_of(self, valued: bool) -> int:
+        """What it needs with its value or without, px."""
+        more = self.value.width() + SAMPLE_GAP
+        return self.sizeHint().width() + more * (int(valued) - int(not self.value.isHidden()))
 
     def show_value(self, value: float) -> None:
         """Show a value in SI."""
@@ -169,9 +195,9 @@ class LivePane(QWidget):
         self.canvas.moved_by_hand.connect(self.moved_by_hand)
         self.canvas.cursor_moved.connect(self.cursor_moved)
         self.scale = PlotScale(spec.least)
-        self._model = self._narrow = False
-        self._full = 0
-        self._spared: list[QWidget] = []
+        self._model = False
+        self._spared: dict[QWidget, int] = {}
+        self._named: list[LargeReading] = []
         self._range = (-spec.least / 2, spec.least / 2)
         self.canvas.y_range = self._range
         self.error = described(remark(wrap=False), f"error_{spec.key}")
@@ -180,13 +206,16 @@ class LivePane(QWidget):
     def _build(self) -> None:
         spec = self.spec
         self.readings: dict[str, LargeReading] = {}
-        self._row = row = hbox(None, margins=(8, 0, 8, 0), spacing=16)
+        row = hbox(None, margins=(MARGIN, 0, MARGIN, 0), spacing=GAP)
         drawn = {trace.column: trace for trace in spec.traces}
         for column in spec.readings:
             self.readings[column] = LargeReading(QUANTITIES[column], drawn.get(column))
             row.addWidget(self.readings[column])
-            if column in SPARED:
-                self._spared.append(self.readings[column])
+            if column in NAMED:
+                self._named.append(self.readings[column])
+            for step, columns in enumerate(SPARED, 1):
+                if column in columns:
+                    self._spared[self.readings[column]] = step
         self.modelled: list[QWidget] = []
         for column, trace in drawn.items():
             if column not in spec.readings:
@@ -195,7 +224,7 @@ class LivePane(QWidget):
                 legend.addWidget(words := remark(QUANTITIES[column].title, wrap=False))
                 row.addLayout(legend)
                 self.modelled += [swatch, words]
-                self._spared.append(words)
+                self._spared[words] = 1
                 swatch.setToolTip(QUANTITIES[column].title)
         row.addWidget(self.error)
         row.addStretch(1)
@@ -207,26 +236,41 @@ class LivePane(QWidget):
     # room
 
     def minimumSizeHint(self) -> QSize:
-        least = LEAST_CHARACTERS * self.fontMetrics().averageCharWidth()
-        return QSize(min(least, self._full), super().minimumSizeHint().height())
+        return QSize(self._needed(len(SPARED)), super().minimumSizeHint().height())
 
     def resizeEvent(self, event: QResizeEvent) -> None:
         super().resizeEvent(event)
         self._share_room()
 
+    def _wanted(self, step: int) -> Mapping[QWidget, bool]:
+        """What stands above the plot, and whether it is shown once so much is left out."""
+        everything: dict[QWidget, bool] = dict.fromkeys(self.readings.values(), True)
+        everything |= dict.fromkeys(self.modelled, self._model or self.spec.model)
+        everything[self.error] = self._model and not self.spec.model
+        last = len(SPARED) + 1
+        return {one: on and step < self._spared.get(one, last) for one, on in everything.items()}
+
+    def _needed(self, step: int) -> int:
+        """Width of the row once so much is left out."""
+        last = step == len(SPARED)
+        widths = []
+        for one, shown in self._wanted(step).items():
+            valued = not (last and one in self._named)
+            width = one.width_of(valued) if isinstance(one, LargeReading) else one.sizeHint().width()
+            widths += [width] if shown else []
+        widths.append(self.scale_button.width_of(last))
+        return sum(widths) + GAP * len(widths) + 2 * MARGIN
+
     def _share_room(self) -> None:
         """Leave out what can be spared where there is no room for all of it."""
-        if not self._narrow:
-            self._full = self._row.minimumSize().width()
-        narrow = self.width() < self._full
-        if narrow != self._narrow:
-            self._narrow = narrow
-            self._show_spared()
-
-    def _show_spared(self) -> None:
-        for widget in self._spared:
-            wanted = widget not in self.modelled or self._model or self.spec.model
-            widget.setVisible(wanted and not self._narrow)
+        last = len(SPARED)
+        step = next((one for one in range(last) if self._needed(one) <= self.width()), last)
+        self.scale_button.shorten(step == last)
+        for reading in self._named:
+            reading.value.setHidden(step == last)
+        for widget, shown in self._wanted(step).items():
+            if widget.isHidden() == shown:
+                widget.setVisible(shown)
 
     # what is shown
 
@@ -248,12 +292,8 @@ class LivePane(QWidget):
     def show_model(self, on: bool) -> None:
         """Whether what belongs to the model is shown."""
         self._model = on
-        for widget in self.modelled:
-            widget.setVisible(on or self.spec.model)
-        self.error.setVisible(on and not self.spec.model)
-        self._narrow = False
-        self._show_spared()
         self._share_room()
+        self.updateGeometry()
 
     def show_part(self, history: LiveHistory, start: int, stop: int) -> None:
         """Draw samples ``start`` to ``stop`` and keep to the scale."""

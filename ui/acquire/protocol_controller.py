@@ -216,7 +216,6 @@ class ProtocolController(QObject):
         panel.protocol.edited.connect(self.tell_total)
         panel.protocol.which.currentIndexChanged.connect(self._on_which)
         context.protocol_handed.connect(self._on_protocol_handed)
-        context.trajectory_handed.connect(self._on_trajectory_handed)
         self.tell_total()
 
     def start(self) -> None:
@@ -290,15 +289,6 @@ class ProtocolController(QObject):
     def _on_protocol_handed(self, steps: Sequence[Any], title: str) -> None:
         self._panel.protocol.hand(steps, title)
         self._panel.by_protocol.click()
-
-    def _on_trajectory_handed(self, trajectory: dict[str, Any], title: str) -> None:
-        try:
-            self._panel.motion.show_settings(trajectory)
-        except UserError as error:
-            self._context.tell(str(error))
-            return
-        self._panel.by_hand.click()
-        self._context.say(f"Motion set: {title or self._panel.motion.words()}")
 
 
 def left_of_run(status: Status, rate_hz: float, lasts_s: float) -> float:

@@ -28,7 +28,7 @@ from .context import RigLine
 from .worker import Worker
 
 STOP_SIZE = QSize(136, 36)
-RECORDING_WIDTH = 152
+RECORDING_WIDTH, MANY_SAMPLES = 152, 999_999
 LAMP_PX = 12
 
 
@@ -99,7 +99,8 @@ class FrameHeader(QWidget):
         )
         # Its room is kept, so that nothing jumps when recording begins or the count gets longer.
         recording = QWidget()
-        recording.setFixedWidth(RECORDING_WIDTH)
+        longest = self.count.fontMetrics().horizontalAdvance(f"{grouped(MANY_SAMPLES)} samples")
+        recording.setFixedWidth(max(RECORDING_WIDTH, self.dot.sizeHint().width() + 8 + longest))
         recording.setSizePolicy(QSizePolicy.Policy.Fixed, QSizePolicy.Policy.Preferred)
         hbox(recording, self.dot, (self.count, 1), margins=FLUSH, spacing=8)
         layout.addWidget(recording)

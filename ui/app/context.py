@@ -240,7 +240,6 @@ class ApplicationContext(QObject):
         sessions_changed(tuple): other sessions are open, or none.
         session_recorded(Path): a session file has been recorded and verified.
         protocol_handed(steps): for Acquire: sequence of ``fingerlab.acquisition.protocols.steps.Step``.
-        trajectory_handed(dict): for Acquire: one run's trajectory, as in the session format.
         model_handed(Model, name): for Predict: a fitted model, as in a model file.
         rig_changed(RigLine): the state of the rig, as shown in header and status bar.
         bench_changed: another bench is connected (:attr:`ApplicationContext.bench`), or none.
@@ -256,7 +255,6 @@ class ApplicationContext(QObject):
     sessions_changed = Signal(object)
     session_recorded = Signal(object)
     protocol_handed = Signal(object, str)
-    trajectory_handed = Signal(object, str)
     model_handed = Signal(object, str)
     rig_changed = Signal(object)
     bench_changed = Signal()
@@ -338,11 +336,6 @@ class ApplicationContext(QObject):
         """Hand the steps of a protocol (``plan_steps``) to Acquire and show it."""
         self.show_tab("acquire")
         self.protocol_handed.emit(tuple(steps), title)
-
-    def hand_trajectory(self, trajectory: dict[str, Any], title: str = "") -> None:
-        """Hand one trajectory (as in the session format) to Acquire's settings and show it."""
-        self.show_tab("acquire")
-        self.trajectory_handed.emit(dict(trajectory), title)
 
     def hand_model(self, model: Any, name: str) -> None:
         """Hand a fitted model (``models.file.SavedModel``) to Predict and show it."""

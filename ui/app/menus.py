@@ -46,11 +46,17 @@ COPY_KEYS, SAVE_KEYS = "Ctrl+Shift+C", "Ctrl+Shift+S"
 
 
 class PlotMenu(QObject):
-    """Belongs to one window; plots of others are left alone."""
+    """Belongs to one window; plots of others are left alone.
 
-    def __init__(self, window: QWidget, context: ApplicationContext) -> None:
+    Args:
+        source: says what a plot is of, such as session, model and run.
+    """
+
+    def __init__(
+        self, window: QWidget, context: ApplicationContext, source: Callable[[QWidget], str]
+    ) -> None:
         super().__init__(window)
-        self._window, self._context = window, context
+        self._window, self._context, self._source = window, context, source
         self.menu: QMenu | None = None
         self.dialog: SavePlotDialog | None = None
 
@@ -109,7 +115,8 @@ class PlotMenu(QObject):
         """The picture to the clipboard."""
         from ..widgets.plot_figure import picture
 
-        QGuiApplication.clipboard().setImage(QImage.fromData(picture(plot, "png")))
+        shown = picture(plot, "png", self._paper(plot))
+        QGuiApplication.clipboard().setImage(QImage.fromData(shown))
         self._context.say(f"Copied as a picture: {_words(plot)}")
 
     def copy_numbers(self, plot: QWidget) -> None:
@@ -121,11 +128,15 @@ class PlotMenu(QObject):
 
     def ask_and_save(self, plot: QWidget) -> None:
         """Ask how large and how fine, then where; the ending says in which format."""
-        from ..widgets.plot_figure import paper_of
-
-        self.dialog = SavePlotDialog(self._window, paper_of(plot), self._context.settings)
+        self.dialog = SavePlotDialog(self._window, self._paper(plot), self._context.settings)
         self.dialog.accepted.connect(lambda dialog=self.dialog: self.save_as(plot, dialog.paper))
         self.dialog.open()
+
+    def _paper(self, plot: QWidget) -> Paper:
+        """As it is on the screen, under a title that tells of which session, model and runs it is."""
+        from ..widgets.plot_figure import paper_of
+
+        return paper_of(plot, self._source(plot))
 
     def save_as(self, plot: QWidget, paper: Paper) -> None:
         """Ask where, and write the plot on ``paper``."""
@@ -149,7 +160,7 @@ class PlotMenu(QObject):
         """A file's name: title, and before it the session that the tab in front shows."""
         session, _, known = self._window.windowTitle().rpartition(" – ")
         name = file_name(Path(session).stem) if session and known else ""
-        words = file_name(title or _words(plot))
+        words = file_name(title.partition(" – ")[0] or _words(plot))
         return words if not name or words.startswith(name) else f"{name}-{words}"
 
 

@@ -94,6 +94,10 @@ class Tab(QObject):
         """What the window's title bar names while the tab is shown, such as a file; may be empty."""
         return ""
 
+    def figure_source(self, plot: QWidget) -> str:
+        """What a plot of the tab is of, to stand above a figure that is saved of it: session, model, runs."""
+        return self.window_title()
+
     def on_shown(self) -> None:
         """The tab has come to the front. Begin here what takes time, not when sessions are opened."""
 

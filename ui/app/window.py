@@ -189,7 +189,7 @@ class MainWindow(QMainWindow):
         self.setMinimumSize(800, 480)
         self.setAcceptDrops(True)
         self._build()
-        self.plots = PlotMenu(self, self.context)
+        self.plots = PlotMenu(self, self.context, lambda plot: self.tab().figure_source(plot))
         self.stop_guard = StopGuard(self, self.header.stop, self.context)
         chosen = MenuChoices(self.settings.appearance(), self.stop_guard.key)
         self.menus = Menus(self, self._commands(), list(self._entries.values()), chosen)

@@ -353,7 +353,7 @@ def _fill(table: QTableWidget, rows: list[tuple[str, str, str, str]]) -> None:
 
 def _steps_table() -> QTableWidget:
     table = described(QTableWidget(0, 4), "calibrationSteps", accessible="Steps and their readings")
-    table.setHorizontalHeaderLabels(["mark", "pass", "read (V)", ""])
+    table.setHorizontalHeaderLabels(["Mark", "Pass", "Read (V)", ""])
     for column in range(4):
         title = table.horizontalHeaderItem(column)
         assert title is not None

@@ -166,6 +166,16 @@ class FitTab(Tab):
     def window_title(self) -> str:
         return self.sessions[0].path.name if self.sessions else ""
 
+    def figure_source(self, plot: QWidget) -> str:
+        from fingerlab.report.recording_words import figure_source
+
+        from .fit_plots import RunBars
+
+        if self.found is None:
+            return ""
+        runs = tuple(self.found.views) if isinstance(plot, RunBars) else (self.panel.run.currentText(),)
+        return figure_source(self.sessions[0], f"fitted by {self.found.fit.spec.title}", runs)
+
     def on_session_opened(self, sessions: tuple[Session, ...]) -> None:
         self.sessions, self.found = sessions, None
         self._refresh()

@@ -9,12 +9,12 @@ from typing import Literal
 
 from PySide6.QtCore import QPointF, QRectF, QSignalBlocker, QSize, Qt, Signal
 from PySide6.QtGui import QBrush, QColor, QFontMetrics, QFontMetricsF, QPainter, QPaintEvent, QResizeEvent
-from PySide6.QtWidgets import QButtonGroup, QComboBox, QHBoxLayout, QLabel, QPushButton, QSizePolicy, QWidget
+from PySide6.QtWidgets import QButtonGroup, QComboBox, QLabel, QPushButton, QSizePolicy, QWidget
 
 from fingerlab.diagnosis.answer.error_parts import EQUATIONS, Comparison, EquationError, equation_of
 from fingerlab.sessions.model import Run, Session
 
-from ..widgets.layout import FLUSH, as_written, described, hbox
+from ..widgets.layout import FLUSH, WrappedRow, as_written, described, vbox
 from ..widgets.tables import ElidedLabel
 from ..widgets.theme import Colours, colours_of, line, small_font, tint
 from .comparison_curves import joined
@@ -180,17 +180,9 @@ class LegendRow(QWidget):
         self.values.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
         for label in (self.stretch, self.values):
             label.setFont(small_font())
-        layout = QHBoxLayout(self)
-        layout.setContentsMargins(72, 0, 8, 0)
-        layout.setSpacing(4)
-        layout.addWidget(self.curves)
-        layout.addSpacing(8)
-        layout.addWidget(self.recorded)
-        layout.addWidget(self.aside)
-        layout.addWidget(self.weighed)
-        layout.addWidget(self.stretch_key)
-        layout.addWidget(self.stretch, 1)
-        layout.addWidget(self.values, 1)
+        keys = (self.curves, self.recorded, self.aside, self.weighed, self.stretch_key)
+        row = WrappedRow((*keys, (self.stretch, 1), (self.values, 1)), spacing=8)
+        vbox(self, row, margins=(72, 0, 8, 0))
         self.values.hide()
         self.name_stretch("")
 
@@ -250,7 +242,6 @@ class ComparisonBar(QWidget):
         self._comparisons: dict[tuple[str, str], Comparison] = {}
         self._sessions: dict[str, Session] = {}
         self._error = ("", "")
-        self._layout = hbox(self, margins=FLUSH, spacing=4)
         self._group = QButtonGroup(self)
         self._buttons: dict[str, QPushButton] = {}
         for equation in EQUATIONS:
@@ -263,7 +254,6 @@ class ComparisonBar(QWidget):
             button.hide()
             self._group.addButton(button)
             self._buttons[equation] = button
-            self._layout.addWidget(button)
         self.runs = described(
             QComboBox(), "runs", accessible="Run shown", tip="Run shown (Alt+Up, Alt+Down for the next)."
         )
@@ -275,10 +265,9 @@ class ComparisonBar(QWidget):
         bold = self.error.font()
         bold.setBold(True)
         self._letters = QFontMetrics(bold)
-        self._layout.addSpacing(4)
-        self._layout.addWidget(self.runs, 1)
-        self._layout.addSpacing(8)
-        self._layout.addWidget(self.error)
+        self.error.setContentsMargins(8, 0, 0, 0)
+        self.row = WrappedRow((*self._buttons.values(), (self.runs, 1), (self.error, 0)), spacing=4)
+        vbox(self, self.row, margins=FLUSH)
 
     # what there is
 
@@ -346,11 +335,13 @@ class ComparisonBar(QWidget):
         others = sum(
             button.sizeHint().width() + 4 for button in self._buttons.values() if button.isVisibleTo(self)
         )
-        short, plain = (re.sub("<[^>]*>", "", text) for text in (error, error + floor))
-        # The bar may get as narrow as the short wording lets it.
-        self.error.setMinimumWidth(self._letters.horizontalAdvance(short))
-        needed = others + self.runs.minimumSizeHint().width() + 24 + self._letters.horizontalAdvance(plain)
-        self.error.setText(error + floor if needed <= self.width() else error)
+        beside = self.runs.minimumSizeHint().width() + 24
+        short, plain = (
+            beside + self._letters.horizontalAdvance(re.sub("<[^>]*>", "", text))
+            for text in (error, error + floor)
+        )
+        room = self.width() - (others if others + short <= self.width() else 0)  # in a second row all of it
+        self.error.setText(error + floor if plain <= room else error)
 
     def resizeEvent(self, event: QResizeEvent) -> None:
         super().resizeEvent(event)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 import pyqtgraph as pg
@@ -13,7 +12,6 @@ from PySide6.QtWidgets import QWidget
 
 from fingerlab.diagnosis.answer.error_parts import Comparison, equation_of
 from fingerlab.diagnosis.answer.results import Failure
-from fingerlab.report.diagnosis_words import in_sentence
 from fingerlab.sessions.model import Array
 
 from ..widgets.plots import (
@@ -95,7 +93,7 @@ class ComparisonPlot(pg.GraphicsLayoutWidget):
             plot.getViewBox().sigResized.connect(self._label_axes)
         self.top.getAxis("bottom").setStyle(showValues=False)
         self.bottom.getAxis("bottom").setHeight(bottom_axis_height())
-        self.bottom.setLabel("bottom", "Time (s)")
+        self.bottom.setLabel("bottom", "Time in the run (s)")
         self.bottom.setXLink(self.top)
         self._add_items()
         self.pair = CursorPair((self.top, self.bottom), self)
@@ -142,12 +140,11 @@ class ComparisonPlot(pg.GraphicsLayoutWidget):
 
     @property
     def figure_title(self) -> str:
-        """Over a figure of what is shown: session, run and quantity."""
+        """Over a figure of what is shown: quantity and run."""
         comparison = self.comparison
         if comparison is None:
             return ""
-        name, quantity = Path(comparison.session).stem, equation_of(comparison.equation).quantity
-        return f"{name}, run {comparison.run}: {in_sentence(quantity)}"
+        return f"{equation_of(comparison.equation).quantity}, run {comparison.run}"
 
     def show_comparison(
         self, comparison: Comparison | None, failure: Failure | None, keep_view: bool

@@ -130,7 +130,7 @@ class ErrorPath(QWidget):
         return QSize(400, 104)
 
     def minimumSizeHint(self) -> QSize:
-        return QSize(160, 72)
+        return QSize(140, 72)
 
     def show_history(self, history: ModelHistory | None) -> None:
         """Show the path up to the present model."""
@@ -278,7 +278,7 @@ class ErrorTable(QWidget):
         self.setAccessibleName("Error of each equation on held-out runs")
         self._grid = QGridLayout(self)
         self._grid.setContentsMargins(0, 0, 0, 0)
-        self._grid.setHorizontalSpacing(12)
+        self._grid.setHorizontalSpacing(10)
         self._grid.setVerticalSpacing(1)
         self._grid.setColumnStretch(len(HEADINGS), 1)
         self._labels: list[QLabel] = []
@@ -357,7 +357,7 @@ class PathPanel(QWidget):
         self.undo.clicked.connect(self.undo_asked)
         self.redo.clicked.connect(self.redo_asked)
         buttons = vbox(None, Spacer(1), self.undo, self.redo, Spacer(1), spacing=8)
-        hbox(self, (self.path, 1), buttons, self.table, margins=FLUSH, spacing=16)
+        hbox(self, (self.path, 1), buttons, self.table, margins=FLUSH, spacing=8)
 
     def show_first_look(self, history: ModelHistory, look: FirstLook) -> None:
         """Show what is known already of the model that is being diagnosed."""

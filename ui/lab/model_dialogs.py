@@ -261,7 +261,7 @@ class ResidualsPlot(QuietPlot):
         if self.pair is None:
             return
         unit, every = self._scaled()
-        self.name_axes("Residual", unit, "Time (s)")
+        self.name_axes("Residual", unit, "Time in the run (s)")
         band = pg.LinearRegionItem(
             (-self.pair[0].floor * unit.factor, self.pair[0].floor * unit.factor), "horizontal", movable=False
         )
@@ -287,7 +287,8 @@ class ResidualsPlot(QuietPlot):
         unit, every = self._scaled()
         label = unit.label("Residual")
         return [
-            Series(n, "Time (s)", label, c.time, y) for n, c, y in zip("AB", self.pair, every, strict=True)
+            Series(n, "Time in the run (s)", label, c.time, y)
+            for n, c, y in zip("AB", self.pair, every, strict=True)
         ]
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from PySide6.QtCore import Qt, QTimer, SignalInstance
-from PySide6.QtWidgets import QFileDialog
+from PySide6.QtWidgets import QFileDialog, QWidget
 
 from fingerlab.core.errors import UserError
 from fingerlab.diagnosis.answer.error_parts import EQUATIONS
@@ -275,6 +275,16 @@ class ModelLabTab(Tab):
     def window_title(self) -> str:
         sessions = self.controller.sessions
         return sessions[0].path.name if sessions else ""
+
+    def figure_source(self, plot: QWidget) -> str:
+        from fingerlab.report.diagnosis_words import model_words
+        from fingerlab.report.recording_words import recorded_words
+
+        diagnosis = self.controller.diagnosis
+        if diagnosis is None:
+            return ""
+        model = model_words(diagnosis.model, diagnosis)
+        return f"{recorded_words(self.controller.sessions)}; {model}"
 
     def on_shown(self) -> None:
         self._shown = True

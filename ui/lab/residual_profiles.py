@@ -343,9 +343,8 @@ class ProfilePanel(QWidget):
         self.pictures.setCurrentWidget(self.shape if chosen in SHAPE_TITLES else self.plot)
         self.keys.set_keys(SHAPE_KEYS.get(chosen, WHERE))
         quantity = equation_of(self._equation).quantity
-        self.title.setText(
-            quantity if chosen in LOOPS else f"Residual of {in_sentence(quantity)}" if self._profiles else ""
-        )
+        whole = (quantity,) if chosen in LOOPS else (f"Residual of {in_sentence(quantity)}", "Residual")
+        self.title.set_texts((*whole, "") if chosen in LOOPS or self._profiles else ("",))
         if chosen in SHAPE_TITLES:
             self.words.setText(SHAPE_WORDS[chosen])
             shape = RESIDUAL_FIGURES[chosen](self._comparison) if self._comparison is not None else None

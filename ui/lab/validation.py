@@ -37,7 +37,7 @@ from fingerlab.sessions.model import Session
 
 from ..app.context import ApplicationContext
 from ..app.worker import IsCancelled, Progress, Work
-from ..widgets.layout import ButtonRows, described
+from ..widgets.layout import WrappedRow, described
 from ..widgets.tables import NumberTable, WholeLabel
 from ..widgets.theme import large_font, small_font
 from .controller import LabController, ModelHistory
@@ -170,7 +170,7 @@ class ValidationPanel(QWidget):
         layout.setSpacing(8)
         for widget in (self.title, self.held_out, self.next):
             layout.addWidget(widget)
-        layout.addWidget(ButtonRows((self.hand, self.predict, self.save, self.report)))
+        layout.addWidget(WrappedRow((self.hand, self.predict, self.save, self.report)))
         layout.addWidget(self.runs, 1)
         layout.addStretch()
 

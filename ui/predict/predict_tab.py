@@ -125,6 +125,13 @@ class PredictTab(Tab):
     def window_title(self) -> str:
         return self.sessions[0].path.name if self.sessions else ""
 
+    def figure_source(self, plot: QWidget) -> str:
+        from fingerlab.report.recording_words import figure_source
+
+        if not self.sessions:
+            return ""
+        return figure_source(self.sessions[0], ", ".join(self.models), (self.panel.run.currentText(),))
+
     def on_shown(self) -> None:
         self._shown = True
         if self._due:

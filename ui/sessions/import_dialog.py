@@ -36,7 +36,7 @@ from fingerlab.report.diagnosis_words import PHASE_WORDS
 from fingerlab.sessions.model import CABLES, CHANNEL_UNITS, PHASES, Array
 
 from ..widgets.fields import NumberField, choice, set_usable
-from ..widgets.layout import Spacer, as_written, described, hbox, resize_on_screen, vbox
+from ..widgets.layout import Spacer, WrappedRow, as_written, described, hbox, resize_on_screen, vbox
 from ..widgets.plots import DecimatedCurve, QuietPlot, span_of
 from ..widgets.tables import NumberTable, remark
 from ..widgets.theme import colours_of, tint
@@ -66,6 +66,8 @@ OPTION_NAMES = {
 }
 """What the sentences of the command call an option, and what it is called here."""
 UNUSED = ""
+OF_A_FINGER = {"motor_command", "mcp_angle", "pip_angle"}
+"""Channels that a log of one axis does not have."""
 TITLES = {"time": "time", "motor_current": "motor current", **{k: c.title for k, c in CHANNELS.items()}}
 COLUMNS = (
     ("Column", "Title of the column, or its number."),
@@ -75,7 +77,7 @@ COLUMNS = (
     ("Sign reversed", "The numbers are taken times −1, for a sensor that counts the other way."),
     ("First values", "As they stand in the file."),
 )
-SHOWN_VALUES = 3
+SHOWN_VALUES, NAME_LETTERS = 3, 8
 ROOM, NUMBER_WIDTH = 48, 180
 """Of a list beside its words, for frame and arrow, and of a number, px."""
 AXIS_HELP = (
@@ -104,6 +106,7 @@ class ColumnTable(NumberTable):
         header = self.horizontalHeader()
         header.setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
         header.setSectionResizeMode(0, QHeaderView.ResizeMode.Stretch)
+        header.setMinimumSectionSize(NAME_LETTERS * self.fontMetrics().averageCharWidth())
         for place, letters in ((1, 22), (2, 12), (3, 8)):
             header.setSectionResizeMode(place, QHeaderView.ResizeMode.Fixed)
             header.resizeSection(place, letters * self.fontMetrics().averageCharWidth() + ROOM)
@@ -332,6 +335,7 @@ class ImportDialog(QDialog):
         self._build()
         self._connect()
         self._read()
+        self._see_an_axis()
 
     def _build(self) -> None:
         for number, most, decimals, text in (
@@ -342,10 +346,12 @@ class ImportDialog(QDialog):
             number.setRange(0.0, most)
             number.setDecimals(decimals)
             number.setSpecialValueText(text)
-            number.setMaximumWidth(NUMBER_WIDTH)
+            number.setMaximumWidth(max(NUMBER_WIDTH, number.minimumSizeHint().width()))
         grid = QGridLayout()
         grid.setColumnStretch(0, 1)
-        for row, (path, fields) in enumerate(zip(self._files, self._each, strict=True)):
+        for column, words in enumerate(("File, one run each", "Phase", "Cable")):
+            grid.addWidget(remark(words, wrap=False), 0, column)
+        for row, (path, fields) in enumerate(zip(self._files, self._each, strict=True), start=1):
             name = QLabel(path.name, textFormat=Qt.TextFormat.PlainText)
             name.setToolTip(as_written(str(path)))
             grid.addWidget(name, row, 0)
@@ -361,9 +367,8 @@ class ImportDialog(QDialog):
         for label, number in ((samples, self.rate), (ampere, self.constant), (lever, self.lever)):
             label.setBuddy(number)
         first = hbox(None, samples, self.rate, 16, self.rig, (self.rig_words, 1), Spacer(), spacing=8)
-        axis_fields = (ampere, self.constant, 16, lever, self.lever)
-        second = hbox(None, self.axis, 16, *axis_fields, Spacer(1), spacing=8)
         self._axis_only: tuple[QWidget, ...] = (ampere, self.constant, lever, self.lever)
+        second = WrappedRow((self.axis, *self._axis_only))
         halves = QSplitter(Qt.Orientation.Vertical)
         for half in (self.columns, self.preview):
             halves.addWidget(half)
@@ -373,9 +378,7 @@ class ImportDialog(QDialog):
         self.buttons = QDialogButtonBox(QDialogButtonBox.StandardButton.Cancel)
         self.write = self.buttons.addButton("&Write session…", QDialogButtonBox.ButtonRole.AcceptRole)
         self.write.setObjectName("importWrite")
-        about = (
-            "One run a file, in this order. The columns shown are those of the first; a change holds for all."
-        )
+        about = "The columns shown are those of the first file; a change holds for all."
         vbox(self, remark(about), room, second, first, (halves, 1), self.seen, self.buttons, spacing=8)
 
     def _connect(self) -> None:
@@ -422,6 +425,16 @@ class ImportDialog(QDialog):
             self._table = None  # the plan says why
         self.look()
 
+    def _see_an_axis(self) -> None:
+        """Tick the log of one axis where the file is one by its titles and no run of a finger."""
+        from fingerlab.sessions.mapping import Axis, likely_columns
+
+        if self.plans or self._table is None:
+            return
+        ways = (likely_columns(self._table, Axis()), likely_columns(self._table))
+        found = {column.channel for columns in ways for column in columns if column is not None}
+        self.axis.setChecked("motor_position" in found and not found & OF_A_FINGER)
+
     def look(self) -> None:
         """Plan with the fields as they are; say what would be written, or why that cannot be."""
         from fingerlab.rig.file import load_rig
@@ -442,11 +455,12 @@ class ImportDialog(QDialog):
             self.plans = self._planned(sources)
             if self.axis_rig is not None and not self.constant.value() and self.rig_file is None:
                 self._refuse_unknown_constant()
-            words = "\n".join(
-                line for plan in self.plans for line in describe(plan) if "<- column" not in line
-            )
+            told = [
+                _plainly(line) for plan in self.plans for line in describe(plan) if "<- column" not in line
+            ]
+            words = in_the_window("\n".join(told), self._files)
         except UserError as error:
-            self.plans, words = (), in_the_window(str(error))
+            self.plans, words = (), in_the_window(str(error), self._files)
         self.seen.setPlainText(words)
         self.write.setEnabled(bool(self.plans))
         self.write.setToolTip("" if self.plans else as_written(words))
@@ -457,13 +471,17 @@ class ImportDialog(QDialog):
         from fingerlab.sessions.importing import plan_import
 
         rate = self.rate.value() or None
-        if not self.columns.by_hand:
+        if self.columns.by_hand:
+            return plan_import(sources, self.columns.mapping(), rate)
+        try:
+            return plan_import(sources, None, rate)
+        except UserError as by_header:
+            if self._table is None:
+                raise
             try:
-                return plan_import(sources, None, rate)
+                return plan_import(sources, self.columns.mapping(), rate)
             except UserError:
-                if self._table is None:
-                    raise
-        return plan_import(sources, self.columns.mapping(), rate)
+                raise by_header from None  # it knows the unit that stands there
 
     def _refuse_unknown_constant(self) -> None:
         for plan in self.plans:
@@ -480,7 +498,7 @@ class ImportDialog(QDialog):
             return
         if not np.isfinite(self._values[:, row]).any():  # a column of words
             return
-        unit = CHANNEL_UNITS.get(self.columns.kind(row), "")
+        unit = self._unit_of(row)
         alike = [k for k in range(self.columns.rowCount()) if self._unit_of(k) == unit] if unit else []
         curves = {self.columns.title(k): self._in_si(k) for k in dict.fromkeys((*alike, row))}
         times = [k for k in range(self.columns.rowCount()) if self.columns.kind(k) == "time"]
@@ -492,7 +510,8 @@ class ImportDialog(QDialog):
         self.preview.show_columns(time, across, curves, unit, self.columns.title(row))
 
     def _unit_of(self, row: int) -> str:
-        return CHANNEL_UNITS.get(self.columns.kind(row), "")
+        """In which a column is drawn; empty as long as nobody knows in which it stands there."""
+        return CHANNEL_UNITS.get(self.columns.kind(row), "") if self.columns.unit(row) else ""
 
     def _in_si(self, row: int) -> Array:
         """A column's first rows in the unit of its channel; as they are where that is not known."""
@@ -526,8 +545,25 @@ class ImportDialog(QDialog):
             self.look()
 
 
-def in_the_window(sentence: str) -> str:
-    """A sentence of the command, with the names that its options have here."""
+def _plainly(line: str) -> str:
+    """What a channel is made of, in words and signs that are no program's."""
+    channel, arrow, made = line.partition(" <- ")
+    if not arrow:
+        return line
+    words = re.sub(
+        r"\w+_\w+", lambda found: TITLES.get(found[0], found[0].replace("_", " ")), f"{channel}: {made}"
+    )
+    return words.replace(" * ", " × ")
+
+
+def in_the_window(sentence: str, files: Sequence[Path] = ()) -> str:
+    """A sentence of the command, with the names that options, channels, phases and ``files`` have here."""
+    for path in files:
+        sentence = sentence.replace(str(path), path.name)
+    names = {**TITLES, **PHASE_WORDS}
+    sentence = re.sub(r"'(\w+)'", lambda found: f"'{names.get(found[1], found[1])}'", sentence)
+    for phase in PHASES:
+        sentence = sentence.replace(f"; {phase}, cable", f"; {PHASE_WORDS.get(phase, phase)}, cable")
     sentence = re.sub(r"say them, such as --map (\"[^\"]*\"|\S*\w)", "choose them in the table", sentence)
     sentence = re.sub(r"say which is which, such as --map .*", "choose them in the table.", sentence)
     for option, name in OPTION_NAMES.items():

@@ -25,7 +25,7 @@ from fingerlab.library.notes import FILE_NAME, HELP, Note, StoredVerdict, matche
 from fingerlab.library.reviewing import Thumbnail
 
 from ..widgets.fields import set_usable
-from ..widgets.layout import FLUSH, described, fix_width, hbox, vbox
+from ..widgets.layout import FLUSH, WrappedRow, described, fix_width, hbox, vbox
 from ..widgets.tables import ColumnKeeper, ElidedLabel, WholeLabel, copies, heading, remark
 from ..widgets.theme import small_font
 from .session_table import (
@@ -204,7 +204,7 @@ WIDTHS = {MOTOR: 12, RECORDED: 12, LENGTH: 12, PHASES: 13, RIG: 10, QUALITY: 11,
 """Widths in characters; the name takes the rest, and gives the verdict a share of what it does not need."""
 NAME_NEEDS, NAME_LEAST, VERDICT_MOST = 27, 14, 44
 """Characters: what a name gets first, what it gets in any case, and the most that a verdict gets."""
-BESIDE = (TAGS, RIG, QUALITY)
+BESIDE = (TAGS, RIG, QUALITY, PHASES, MOTOR)
 """Columns that go, one after the other, where a name has no room: what they say stands at the right, too."""
 
 
@@ -259,9 +259,7 @@ class LibraryPage(QWidget):
         self._connect()
 
     def _build(self) -> None:
-        top = hbox(
-            None, (self.folder, 1), self.choose, self.texts, self.again, self.diagnose, self.trend, spacing=8
-        )
+        top = WrappedRow(((self.folder, 1), self.choose, self.texts, self.again, self.diagnose, self.trend))
         find = hbox(None, (self.search, 1), self.count, spacing=8)
         left = vbox(None, top, find, self.empty, (self.table, 1), margins=(16, 8, 0, 8), spacing=8)
         hbox(self, (left, 1), self.details, margins=FLUSH, spacing=0)

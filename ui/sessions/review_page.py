@@ -7,7 +7,7 @@ from datetime import datetime
 from typing import TYPE_CHECKING
 
 from PySide6.QtCore import QSignalBlocker, Qt, QTimer, Signal
-from PySide6.QtWidgets import QComboBox, QGridLayout, QHBoxLayout, QPushButton, QSizePolicy, QWidget
+from PySide6.QtWidgets import QComboBox, QGridLayout, QPushButton, QSizePolicy, QWidget
 
 from fingerlab.core.text import AMPERE, ScreenUnit, with_minus
 from fingerlab.library.index import started_at
@@ -15,7 +15,7 @@ from fingerlab.library.reviewing import Cycles, markers_of, period_of
 from fingerlab.sessions.model import Array, Run, Session
 
 from ..widgets.free_plots import FreePlots, PlotsButton
-from ..widgets.layout import FLUSH, described, vbox
+from ..widgets.layout import FLUSH, WrappedRow, described, vbox
 from ..widgets.tables import ElidedLabel, remark
 from .review_data import CHANNELS, PANES, Layer, ReviewChannel, ReviewData
 from .review_pane import Overlays, clock_text
@@ -82,17 +82,12 @@ class ReviewPage(QWidget):
         self._connect()
 
     def _build(self) -> None:
-        row = QHBoxLayout()
-        row.setSpacing(8)
-        row.addWidget(self.back)
-        row.addWidget(self.runs, 3)
-        row.addWidget(self.over, 2)
-        for button in (self.strokes, self.heights, self.cursors, self.arrange, self.cut):
-            row.addWidget(button)
+        buttons = (self.strokes, self.heights, self.cursors, self.arrange, self.cut)
+        row = WrappedRow((self.back, (self.runs, 3), (self.over, 2), *buttons))
         top = QGridLayout()
         top.setContentsMargins(16, 8, 16, 0)
         top.setSpacing(4)
-        top.addLayout(row, 0, 0, 1, 2)
+        top.addWidget(row, 0, 0, 1, 2)
         top.addWidget(self.values, 1, 0)
         top.addWidget(self.state, 1, 1, Qt.AlignmentFlag.AlignRight)
         top.addWidget(self.overlays.row, 2, 0, 1, 2)

@@ -330,7 +330,7 @@ class Grid(pg.GraphicsObject):
         painter.drawLines(self._lines)
 
 
-RUN_TIME = "Run time (s)"
+RUN_TIME = "Time in the run (s)"
 
 
 LEGEND_ROOM = 4

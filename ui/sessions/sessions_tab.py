@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from PySide6.QtWidgets import QFileDialog, QStackedWidget
+from PySide6.QtWidgets import QFileDialog, QWidget
 
 from fingerlab.core.errors import UserError
 from fingerlab.core.files import seen_as
@@ -21,6 +21,7 @@ from ..app.bars import time_left
 from ..app.context import ApplicationContext, read_session
 from ..app.tab_registry import SEPARATOR, Command, Tab, run_commands
 from ..app.worker import Failed, IsCancelled, Progress, Worker
+from ..widgets.layout import OnePage
 from ..widgets.tables import header_name
 from .import_dialog import TABLE_ENDINGS
 from .library_page import LibraryPage
@@ -86,7 +87,7 @@ class SessionsTab(Tab):
         self.page.remember(context.settings)
         self.data = ReviewData(self)
         self._review: ReviewPage | None = None
-        self.pages = QStackedWidget()
+        self.pages = OnePage()
         self.pages.addWidget(self.page)
         self.widget = self.pages
         self.header = self.name = header_name("reviewSession", "Session under review")
@@ -424,6 +425,14 @@ class SessionsTab(Tab):
 
     def window_title(self) -> str:
         return self._reviewed.path.name if self._reviewed is not None else ""
+
+    def figure_source(self, plot: QWidget) -> str:
+        from fingerlab.report.recording_words import recorded_words
+
+        session, run = self._reviewed, self.review_page.run
+        if session is None or run is None:
+            return ""
+        return f"{recorded_words([session])}; run {run.name}"
 
     @property
     def _reviewed(self) -> Session | None:

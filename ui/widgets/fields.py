@@ -31,7 +31,7 @@ from PySide6.QtWidgets import (
     QWidgetAction,
 )
 
-from .layout import FLUSH, Spacer, as_written, described, hbox, vbox
+from .layout import FLUSH, USUAL_LETTER, Spacer, as_written, described, hbox, vbox
 from .theme import colours_of
 
 WAITS_FOR_FOCUS = "waitsForFocus"
@@ -304,7 +304,8 @@ def row(*widgets: QWidget | QLayout) -> QHBoxLayout:
 
 def centred_column(page: QWidget, width: int) -> QVBoxLayout:
     """A column at most so wide in the middle of an otherwise empty page, a little above its centre."""
-    column = QWidget(maximumWidth=width)
+    larger = page.fontMetrics().averageCharWidth() / USUAL_LETTER  # where letters are
+    column = QWidget(maximumWidth=round(width * max(larger, 1.0)))
     inner = vbox(column, spacing=16)
     # The column takes all up to its widest, so that its text gets the height it needs.
     vbox(page, Spacer(2), hbox(None, Spacer(1), (column, 100), Spacer(1)), Spacer(3))

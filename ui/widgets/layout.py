@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from html import escape
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from PySide6.QtCore import QEvent, QObject, QPoint, QSize
+from PySide6.QtCore import QEvent, QObject, QSize
 from PySide6.QtGui import QFont, QResizeEvent, Qt
 from PySide6.QtWidgets import (
     QApplication,
@@ -114,40 +114,58 @@ def _filled(
     return layout
 
 
-class ButtonRows(QWidget):
-    """As many rows as the width asks for, each as full as it can be."""
+class WrappedRow(QWidget):
+    """Widgets side by side, in as many rows as the width asks for, each as full as it can be.
 
-    def __init__(self, buttons: Sequence[QPushButton], parent: QWidget | None = None) -> None:
+    Args:
+        items: widgets as wide as they like to be; with a share beside it, one that takes that share of what
+            its row has left, and less than it likes where room is short.
+    """
+
+    def __init__(
+        self,
+        items: Sequence[QWidget | tuple[QWidget, int]],
+        parent: QWidget | None = None,
+        spacing: int = GAP,
+    ) -> None:
         super().__init__(parent)
-        self._buttons = tuple(buttons)
-        for button in self._buttons:
-            button.setParent(self)
+        self._items = [item if isinstance(item, tuple) else (item, 0) for item in items]
+        self._gap = spacing
+        for widget, _ in self._items:
+            widget.setParent(self)
         self.setSizePolicy(QSizePolicy.Policy.Preferred, QSizePolicy.Policy.Fixed)
 
-    def _places(self, room: int) -> list[QPoint]:
-        """Where each button begins in so much room."""
-        places, x, y = [], 0, 0
-        for button in self._buttons:
-            size = button.sizeHint()
-            if x > 0 and x + size.width() > room:
-                x, y = 0, y + size.height() + GAP
-            places.append(QPoint(x, y))
-            x += size.width() + GAP
-        return places
+    def _rows(self, room: int) -> list[list[tuple[QWidget, int, int]]]:
+        """Row by row what stands there in so much room: widget, least width, share."""
+        rows: list[list[tuple[QWidget, int, int]]] = [[]]
+        x = 0
+        for widget, share in self._items:
+            if widget.isHidden():
+                continue
+            least = widget.minimumSizeHint() if share else widget.sizeHint()
+            width = max(least.width(), widget.minimumWidth())
+            if rows[-1] and x + width > room:
+                rows.append([])
+                x = 0
+            rows[-1].append((widget, width, share))
+            x += width + self._gap
+        return rows
+
+    @property
+    def rows(self) -> int:
+        """How many there are now."""
+        return len(self._rows(self.width()))
 
     def _height(self, room: int) -> int:
-        tall = (place.y() + b.sizeHint().height() for place, b in self._placed(room))
-        return max(tall, default=0)
-
-    def _placed(self, room: int) -> list[tuple[QPoint, QPushButton]]:
-        return list(zip(self._places(room), self._buttons, strict=True))
+        tall = [max((_tall(w) for w, *_ in row), default=0) for row in self._rows(room)]
+        return sum(tall) + self._gap * (len(tall) - 1)
 
     def sizeHint(self) -> QSize:
-        across = sum(button.sizeHint().width() + GAP for button in self._buttons) - GAP
-        return QSize(max(across, 0), self._height(self.width()))
+        across = [w.sizeHint().width() + self._gap for w, _ in self._items if not w.isHidden()]
+        return QSize(max(sum(across) - self._gap, 0), self._height(self.width()))
 
     def minimumSizeHint(self) -> QSize:
-        widest = max((button.sizeHint().width() for button in self._buttons), default=0)
+        widest = max((width for row in self._rows(0) for _, width, _ in row), default=0)
         return QSize(widest, self._height(self.width()))
 
     def resizeEvent(self, event: QResizeEvent) -> None:
@@ -156,6 +174,12 @@ class ButtonRows(QWidget):
         if event.oldSize().width() != event.size().width():
             self.updateGeometry()
 
+    def event(self, event: QEvent) -> bool:
+        if event.type() == QEvent.Type.LayoutRequest:  # one of them says more or less, comes or goes
+            self._put()
+            self.updateGeometry()
+        return super().event(event)
+
     def changeEvent(self, event: QEvent) -> None:
         super().changeEvent(event)
         if event.type() in (QEvent.Type.FontChange, QEvent.Type.StyleChange):
@@ -163,9 +187,22 @@ class ButtonRows(QWidget):
             self.updateGeometry()
 
     def _put(self) -> None:
-        for place, button in self._placed(self.width()):
-            button.move(place)
-            button.resize(button.sizeHint())
+        y = 0
+        for row in self._rows(self.width()):
+            tall = max((_tall(widget) for widget, *_ in row), default=0)
+            spare = self.width() - sum(width for _, width, _ in row) - self._gap * (len(row) - 1)
+            shares, x = sum(share for *_, share in row), 0
+            for widget, least, share in row:
+                width = least + (max(spare, 0) * share // shares if share else 0)
+                high = _tall(widget)
+                widget.setGeometry(x, y + (tall - high) // 2, width, high)
+                x += width + self._gap
+            y += tall + self._gap
+
+
+def _tall(widget: QWidget) -> int:
+    """What it gets in a row; the style may ask for more than the widget."""
+    return max(widget.sizeHint().height(), widget.minimumHeight())
 
 
 class _Fitted(QScrollArea):
@@ -307,14 +344,17 @@ class Panes(QSplitter):
         self.splitterMoved.connect(lambda *_: settings.set_heights(self.objectName(), self.sizes()))
 
 
+USUAL_LETTER = 6.0
+"""Mean width of a letter for which widths in px were measured, px."""
 TITLE_BAR_HEIGHT = 40
 """px that a desktop puts above a window (assumed)."""
 
 
 def resize_on_screen(window: QWidget, width: int, height: int) -> None:
-    """Give a window this size, px, or less height where the screen has no more."""
-    room = window.screen().availableGeometry().height() - TITLE_BAR_HEIGHT
-    window.resize(width, min(height, room))
+    """Give a window this size, px, more width where letters are larger, or less height on a low screen."""
+    screen = window.screen().availableGeometry()
+    wider = round(width * max(window.fontMetrics().averageCharWidth() / USUAL_LETTER, 1.0))
+    window.resize(max(width, min(wider, screen.width())), min(height, screen.height() - TITLE_BAR_HEIGHT))
 
 
 class ResultDialog(QDialog):

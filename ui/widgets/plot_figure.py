@@ -85,15 +85,18 @@ class Paper:
     title: str = ""
 
 
-def paper_of(widget: QWidget) -> Paper:
+def paper_of(widget: QWidget, source: str = "") -> Paper:
     """As large as on a screen of 96 dots per inch, twice as fine, under the plot's own title, or name.
 
     A plot that is low on the screen becomes higher: a figure has a title and a legend, too.
+
+    Args:
+        source: what the plot is of, which the title tells as well.
     """
     scale = MILLIMETRES_PER_INCH / PIXELS_PER_INCH
     height = max(widget.height() * scale, LEAST_HEIGHT)
     title = getattr(widget, "figure_title", "") or widget.accessibleName()
-    return Paper(widget.width() * scale, height, title=title)
+    return Paper(widget.width() * scale, height, title=" – ".join(filter(None, (title, source))))
 
 
 def picture(widget: QWidget, kind: str, paper: Paper | None = None) -> bytes:

@@ -207,7 +207,7 @@ def test_lines_are_the_first_of_the_table_and_those_handed_over_stay(rig: Rig) -
     assert motion.settings()["frequencies_hz"] == [0.3, 0.7, 1.1]
     lines = [0.4, 0.9, 1.5, 2.3, 2.9, 3.1]
     given = {"kind": "multisine", "amplitude_deg": 4.0, "frequency_hz": 1.0, "frequencies_hz": lines}
-    rig.window.context.hand_trajectory(given)
+    motion.show_settings(given)
     assert motion.settings()["frequencies_hz"] == lines
     assert motion.numbers["lines"].value() == 6
     rig.tab.panel.history.note()

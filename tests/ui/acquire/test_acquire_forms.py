@@ -106,11 +106,12 @@ def test_undo_from_within_a_field(rig: Rig) -> None:
     assert field.value() == 1.0
 
 
-def test_a_trajectory_handed_over_is_one_step(rig: Rig) -> None:
+def test_a_trajectory_that_fills_the_fields_is_one_step(rig: Rig) -> None:
     motion = rig.tab.panel.motion
     before = motion.settings()
     given = {"kind": "chirp", "amplitude_deg": 9.0, "frequency_hz": 0.5, "end_frequency_hz": 4.0}
-    rig.window.context.hand_trajectory({**given, "offset_deg": 20.0, "duration_s": 25.0})
+    motion.show_settings({**given, "offset_deg": 20.0, "duration_s": 25.0})
+    assert motion.settings() == {**given, "offset_deg": 20.0, "duration_s": 25.0}
     rig.tab.panel.history.note()
     rig.tab.undo()
     assert motion.settings() == before

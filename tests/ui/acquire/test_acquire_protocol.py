@@ -163,13 +163,6 @@ def test_what_comes_before_a_rig_is_there_waits_for_it(
     assert rig.tab.panel.motion.settings()["file"] == str(table)
 
 
-def test_a_trajectory_handed_over_fills_the_fields(rig: Rig) -> None:
-    given = {"kind": "chirp", "amplitude_deg": 9.0, "frequency_hz": 0.5, "end_frequency_hz": 4.0}
-    rig.window.context.hand_trajectory({**given, "offset_deg": 20.0, "duration_s": 25.0})
-    settings = rig.tab.panel.motion.settings()
-    assert settings == {**given, "offset_deg": 20.0, "duration_s": 25.0}
-
-
 def test_a_dropped_table_is_the_trajectory(rig: Rig, tmp_path: Path) -> None:
     table = tmp_path / "profile.csv"
     table.write_text("time_s,angle_deg\n0,0\n1,20\n2,0\n", encoding="utf-8")

@@ -63,6 +63,9 @@ class Plots(Tab):
         for plot in (self.long, self.dots, self.live):
             self.widget.addWidget(plot)
 
+    def figure_source(self, plot: QWidget) -> str:
+        return "bench.h5, recorded 2026-05-03; run 003"
+
 
 TABS = (TabEntry(1, "plots", "Plots", "Plots.", Plots),)
 
@@ -179,6 +182,7 @@ def test_size_title_and_fineness_are_what_was_asked_and_are_offered_again(
     window.plots.ask_and_save(plots_of(window).long)
     dialog = window.plots.dialog
     assert dialog is not None
+    assert dialog.title.text() == "Force over time – bench.h5, recorded 2026-05-03; run 003"
     dialog.title.setText("Force, run 3: $5 a newton")
     dialog.size_choice.setCurrentIndex(dialog.size_choice.findData("column"))
     dialog.fineness.setCurrentIndex(dialog.fineness.findData("600"))

@@ -31,7 +31,9 @@ from fingerlab.ui.app.window import MainWindow
 from fingerlab.ui.widgets.tables import FramedTicks
 from fingerlab.ui.widgets.theme import Appearance, apply_appearance
 
+from ..bench_hands import Rig
 from ..hands import child, invented_diagnosis
+from ..looking import cut_off
 
 SMALLEST = QSize(960, 540)
 """A screen of 1920 x 1080 at 200 %."""
@@ -115,21 +117,52 @@ def test_the_bar_gives_its_words_the_room_of_work_that_does_not_run(qtbot: QtBot
     [("fit", ("analyse",)), ("predict", ("addModels",)), ("sessions", ("openInLab", "keepNotes"))],
 )
 def test_buttons_at_the_side_are_whole_with_larger_letters(
-    make_window, qapp: QApplication, key: str, names: tuple[str, ...]
+    larger_letters, make_window, key: str, names: tuple[str, ...]
 ) -> None:  # type: ignore[no-untyped-def]
-    usual = qapp.font()
-    larger = qapp.font()
-    larger.setPointSizeF(1.5 * usual.pointSizeF())
-    qapp.setFont(larger)
-    try:
-        window: MainWindow = make_window(diagnose=invented_diagnosis)
-        window.show_tab(key)
+    window: MainWindow = make_window(diagnose=invented_diagnosis)
+    window.show_tab(key)
+    QApplication.processEvents()
+    for name in names:
+        button = child(window, QPushButton, name)
+        assert button.width() >= button.sizeHint().width(), name
+
+
+LOW = QSize(1024, 700)
+
+
+def sideways(window: MainWindow) -> int:
+    """How far the tab in front scrolls sideways in a low window, px."""
+    window.resize(LOW)
+    for _ in range(3):
         QApplication.processEvents()
-        for name in names:
-            button = child(window, QPushButton, name)
-            assert button.width() >= button.sizeHint().width(), name
-    finally:
-        qapp.setFont(usual)
+    room = window.work.currentWidget()
+    assert isinstance(room, QScrollArea)
+    return room.horizontalScrollBar().maximum()
+
+
+@pytest.mark.parametrize("key", ["acquire", "calibrate", "sessions", "fit", "predict"])
+def test_no_tab_scrolls_sideways_with_larger_letters(larger_letters, make_window, key: str) -> None:  # type: ignore[no-untyped-def]
+    window: MainWindow = make_window(tab=key)
+    assert sideways(window) == 0
+    assert cut_off(window.tab(key).widget) == []
+
+
+def test_nor_does_the_model_lab_with_a_result(larger_letters, opened: MainWindow) -> None:  # type: ignore[no-untyped-def]
+    assert sideways(opened) == 0
+    bar = opened.tab("model_lab").view.bar
+    assert bar.row.rows == 2  # the error stands below the equations, all of it
+    assert ", floor " in bar.error.text()
+
+
+def test_nor_does_a_rig_that_runs_and_what_can_be_spared_comes_back(larger_letters, rig: Rig) -> None:  # type: ignore[no-untyped-def]
+    rig.start()
+    assert sideways(rig.window) == 0
+    torque = rig.tab.plots.panes["torque"]
+    shown = [name for name, reading in torque.readings.items() if reading.isVisible()]
+    assert shown == ["motor_torque"]
+    rig.window.resize(1280, 760)
+    QApplication.processEvents()
+    assert torque.scale_button.text() == "Scale: auto"
 
 
 @pytest.mark.parametrize("key", ["acquire", "calibrate", "sessions", "fit", "predict", "model_lab"])

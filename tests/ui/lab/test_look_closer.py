@@ -181,7 +181,9 @@ def test_loops_and_spectra_stand_beside_where(opened: MainWindow) -> None:
     assert view.where.shape.getPlotItem().getAxis("left").labelText.startswith("PIP torque")
     opened.plots.ask_and_save(view.plot)
     assert opened.plots.dialog is not None
-    assert opened.plots.dialog.title.text() == "invented, run 003: PIP torque"
+    assert opened.plots.dialog.title.text() == (
+        "PIP torque, run 003 – invented.h5, recorded 2026-11-01; the nominal model"
+    )
     opened.plots.dialog.reject()
     QTest.keyClick(choice, Qt.Key.Key_Home)
     assert view.where.plot.isVisible()

@@ -119,7 +119,7 @@ def test_a_log_of_one_axis_from_matlab_becomes_a_session_without_a_finger(
     scipy.io.savemat(log, {"t": time, "q": 30 * np.sin(time), "current": 0.5 * np.cos(time)})
     drop(browsing, log)
     dialog = dialog_of(browsing)
-    QTest.mouseClick(child(dialog, QCheckBox, "importAxis"), LEFT)
+    assert child(dialog, QCheckBox, "importAxis").isChecked()  # by the titles of its columns
     seen = child(dialog, QPlainTextEdit, "importSeen")
     assert "choose them in the table." in seen.toPlainText()
     units = {"time": "s", "motor position": "deg", "motor current": "A"}
@@ -148,7 +148,7 @@ def test_bad_rows_and_words_are_told_where_a_table_is_looked_at(
     log.write_text("\n".join(["Zeit (s),mode,Winkel (deg),Moment (Nm)", *rows]), encoding="utf-8")
     drop(browsing, log)
     dialog = dialog_of(browsing)
-    QTest.mouseClick(child(dialog, QCheckBox, "importAxis"), LEFT)
+    assert child(dialog, QCheckBox, "importAxis").isChecked()  # by the titles of its columns
     assert [dialog.columns.kind(row) for row in range(4)] == ["time", "", "motor_position", "motor_torque"]
     assert dialog.columns.item(1, 5).text() == "AUTO  (words)"
     assert not child(dialog, QComboBox, "importIs1").isEnabled()
@@ -230,7 +230,7 @@ def test_the_rig_file_of_one_axis_says_what_an_ampere_gives(
     rig.write_text("[motor]\ngear_ratio = 1.0\ntorque_constant = 0.5\n", encoding="utf-8")
     drop(browsing, log)
     dialog = dialog_of(browsing)
-    QTest.mouseClick(child(dialog, QCheckBox, "importAxis"), LEFT)
+    assert child(dialog, QCheckBox, "importAxis").isChecked()  # by the titles of its columns
     assert not child(dialog, QPushButton, "importWrite").isEnabled()
     monkeypatch.setattr(QFileDialog, "getOpenFileName", staticmethod(lambda *_, **__: (str(rig), "")))
     QTest.mouseClick(child(dialog, QPushButton, "importRig"), LEFT)
@@ -293,9 +293,45 @@ def test_what_cannot_be_imported_says_so_in_the_words_of_the_window(
     choose(dialog, "importIs2", "not used")
     assert not write.isEnabled()
     seen = child(dialog, QPlainTextEdit, "importSeen").toPlainText()
-    assert "gives no 'motor_position'" in seen
+    assert "gives no 'motor position', which a run of phase 'on air' needs" in seen
     assert "choose its column in the table" in seen
     assert "--" not in seen
+    dialog.reject()
+
+
+@pytest.mark.parametrize(
+    ("header", "ready", "words"),
+    [
+        ("time (s);position (deg);torque (Nm)", True, "decimal comma"),
+        (
+            "time (s);position (furlong);torque (Nm)",
+            False,
+            "'motor position' in 'furlong'; it should be in one",
+        ),
+        ("time;position;torque", False, "names no unit of 'time'"),
+        ("time (s);torque (Nm)", False, "gives no"),
+        ("position (deg);torque (Nm)", False, "or give the sampling rate with 'Samples a second'"),
+    ],
+)
+def test_a_strangers_log_is_taken_for_one_axis_and_what_it_lacks_is_one_sentence(
+    browsing: MainWindow, tmp_path: Path, header: str, ready: bool, words: str
+) -> None:
+    log = tmp_path / "drive.csv"
+    many = header.count(";") + 1
+    rows = (
+        ";".join([f"{k / 500:.3f}", f"{k % 50},5", f"{k % 7},25"][-many:]).replace(".", ",")
+        for k in range(1000)
+    )
+    log.write_text("\n".join([header, *rows]), encoding="utf-8")
+    drop(browsing, log)
+    dialog = dialog_of(browsing)
+    taken = ("time (s);position (deg);torque (Nm)", "time;position;torque", "position (deg);torque (Nm)")
+    assert child(dialog, QCheckBox, "importAxis").isChecked() == (header in taken)
+    seen = child(dialog, QPlainTextEdit, "importSeen").toPlainText()
+    assert words in seen
+    assert seen.startswith("drive.csv")
+    assert "--" not in seen
+    assert child(dialog, QPushButton, "importWrite").isEnabled() == ready
     dialog.reject()
 
 
