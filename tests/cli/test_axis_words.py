@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.cli.calling import run_main
+from tests.cli.calling import call, run_main
 
 RATE = 250.0
 TIME = np.arange(int(16 * RATE)) / RATE
@@ -32,7 +32,7 @@ def moved(run: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     )
 
 
-def imported(folder: Path, capsys: pytest.CaptureFixture[str], law: Law, unit: str = "N m") -> Path:
+def imported(folder: Path, law: Law, unit: str = "N m") -> Path:
     """Three runs in which this law drives an axis, as a session."""
     files, random = [], np.random.default_rng(4)
     position_unit = "rad" if unit == "N m" else "m"
@@ -44,22 +44,29 @@ def imported(folder: Path, capsys: pytest.CaptureFixture[str], law: Law, unit: s
         header = f"time (s),position ({position_unit}),torque ({unit})"
         np.savetxt(files[-1], table, "%.7f", delimiter=",", header=header, comments="")
     session = folder / "axis.h5"
-    code, _, err = run_main(["import", "--axis", *files, "--out", session], capsys)
+    code, _, err = call("import", "--axis", *files, "--out", session)
     assert code == 0, err
     return session
 
 
-def told(session: Path, capsys: pytest.CaptureFixture[str], *options: object) -> str:
+def told(session: Path, *options: object) -> str:
     """What ``diagnose`` prints, with its lines put together."""
-    code, out, err = run_main(["diagnose", session, *options], capsys)
+    code, out, err = call("diagnose", session, *options)
     assert code == 0, err
     return " ".join(out.split())
 
 
-def test_the_weight_of_a_link_is_no_ripple(tmp_path, capsys):
+@pytest.fixture(scope="module")
+def link(tmp_path_factory):
+    """An axis that rubs and carries a link of 5 N m, what ``diagnose`` tells of it, and the saved model."""
+    folder = tmp_path_factory.mktemp("link")
+    session = imported(folder, lambda q, v, a: 0.3 * a + 5.0 * np.sin(q) + 0.6 * np.sign(v))
+    return session, told(session, "--budget", "--save", folder / "m.json"), folder / "m.json"
+
+
+def test_the_weight_of_a_link_is_no_ripple(tmp_path, capsys, link):
     """5 N m once a turn: in the headline, the table, the path and the report it is a weight."""
-    session = imported(tmp_path, capsys, lambda q, v, a: 0.3 * a + 5.0 * np.sin(q) + 0.6 * np.sign(v))
-    text = told(session, capsys, "--budget")
+    session, text, _ = link
     assert "Weight of a link out of balance" in text
     assert "torque_ripple" in text  # the id that --add takes
     assert "ripple" not in text.replace("torque_ripple", "")
@@ -80,11 +87,9 @@ OF_A_FINGER = re.compile(
 )
 
 
-def test_a_saved_model_with_a_link_can_be_compared(tmp_path, capsys):
+def test_a_saved_model_with_a_link_can_be_compared(capsys, link):
     """What was saved is known again, and a machine that presses on nothing has no columns of a force."""
-    session = imported(tmp_path, capsys, lambda q, v, a: 0.3 * a + 5.0 * np.sin(q) + 0.6 * np.sign(v))
-    model = tmp_path / "m.json"
-    told(session, capsys, "--save", model)
+    session, _, model = link
     code, out, err = run_main(["compare", session, "--model", model], capsys)
     assert code == 0, err
     assert "torque_ripple" in out
@@ -103,8 +108,8 @@ def laws() -> dict[str, Law]:
 
 @pytest.mark.parametrize("law", laws())
 def test_nothing_of_a_finger_is_told_of_an_axis(tmp_path, capsys, law):
-    session = imported(tmp_path, capsys, laws()[law])
-    text = told(session, capsys, "--budget", "--draft")
+    session = imported(tmp_path, laws()[law])
+    text = told(session, "--budget", "--draft")
     page = tmp_path / "r.html"
     equation = tmp_path / "e.md"
     code, _, err = run_main(["report", session, "--out", page, "--equation", equation], capsys)
@@ -157,19 +162,19 @@ def test_a_run_that_is_too_short_is_told_at_its_import_with_the_number_of_its_di
     long = tmp_path / "l.h5"
     code, _, err = run_main(["import", "--axis", slow_log(tmp_path, 30.0), "--out", long], capsys)
     assert (code, "too short" in err) == (0, False)
-    assert told(long, capsys)
+    assert told(long)
 
 
-def test_what_is_beyond_a_guess_is_not_said_to_be_another_effect(tmp_path, capsys):
+def test_what_is_beyond_a_guess_is_not_said_to_be_another_effect(tmp_path):
     """Oil that takes nearly all of the torque: a large value is no fault of the law."""
-    session = imported(tmp_path, capsys, lambda q, v, a: 0.01 * a + 8.0 * v)
-    text = told(session, capsys)
+    session = imported(tmp_path, lambda q, v, a: 0.01 * a + 8.0 * v)
+    text = told(session)
     assert text.startswith("Viscous friction")
     assert "assumed bound" not in text
 
 
 @pytest.mark.parametrize(("kept", "spike"), [(0.0, True), (0.6, False)])
-def test_a_jump_that_dies_away_is_no_spike(tmp_path, capsys, kept, spike):
+def test_a_jump_that_dies_away_is_no_spike(tmp_path, kept, spike):
     """Every 3 s the torque jumps by 4 N m; a spike is gone with the next sample, a drive's answer is not."""
 
     def law(q, v, a):
@@ -178,7 +183,7 @@ def test_a_jump_that_dies_away_is_no_spike(tmp_path, capsys, kept, spike):
             torque[at : at + 30] += 4.0 * kept ** np.arange(30)
         return torque
 
-    text = told(imported(tmp_path, capsys, law), capsys)
+    text = told(imported(tmp_path, law))
     assert ("look at its plug" in text) is spike
     assert ("dies away again" in text) is not spike
     jumps = 3 * len(range(600, len(TIME) - 150, 750))

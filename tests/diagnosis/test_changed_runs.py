@@ -6,12 +6,14 @@ The changed machine is the independent bench of ``closed_form`` with the change 
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from fingerlab.diagnosis import diagnose
+from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.diagnosis.gram.run_sums import sums_of_difference
 from fingerlab.diagnosis.signals.conditions import changed_pairs, with_interventions
 from fingerlab.report.recording_words import next_experiment_sentence, paired_sentence
@@ -72,12 +74,24 @@ def changed(bench: made.Bench, name: str, told: bool = True, number: int = 0) ->
 
 @pytest.fixture(scope="module")
 def plain() -> Session:
+    return unchanged()
+
+
+@cache
+def unchanged() -> Session:
     return made.session(made.Bench(), contact=0)
 
 
+@cache
+def diagnosed(name: str | None) -> Diagnosis:
+    """Of the bench with this change in one run that is told, or without any."""
+    more = [] if name is None else [changed(made.Bench(), name)]
+    return diagnose([unchanged(), *more], with_curves=False)
+
+
 @pytest.mark.parametrize("name", list(CHANGES))
-def test_a_change_that_is_told_is_no_missing_effect(name: str, plain: Session) -> None:
-    said = diagnose([plain, changed(made.Bench(), name)], with_curves=False)
+def test_a_change_that_is_told_is_no_missing_effect(name: str) -> None:
+    said = diagnosed(name)
     assert said.verdict == "nothing_missing"
     assert said.score < 1.1
     (pair,) = said.paired
@@ -102,7 +116,7 @@ def test_the_same_load_untold_is_a_zero_that_moved(plain: Session) -> None:
     assert not said.paired
 
 
-def test_a_changed_machine_that_hides_an_effect_still_shows_it(plain: Session) -> None:
+def test_a_changed_machine_that_hides_an_effect_still_shows_it() -> None:
     """Stiffer springs than the rig file says, beside a known mass: the pair is told best with them."""
     bench = with_finger(made.Bench(), mcp_stiffness=0.02, pip_stiffness=0.01)
     said = diagnose([made.session(bench, contact=0), changed(bench, "mass")], with_curves=False)
@@ -111,13 +125,13 @@ def test_a_changed_machine_that_hides_an_effect_still_shows_it(plain: Session) -
     assert pair.with_effect["stiffness_error"] == pytest.approx(1.0, abs=0.15)
 
 
-def test_a_proposed_change_is_said_with_its_chance(plain: Session) -> None:
+def test_a_proposed_change_is_said_with_its_chance() -> None:
     proposal = {
         "trajectory": {"kind": "sine", "amplitude_deg": 15.0, "frequency_hz": 1.0},
         "phase": "on_air", "cable": "extension", "intervention": {"load_torque": 0.02},
         "separates": ["gravity_tilt", "nothing_missing"], "expected_separation": 6.4, "chance_alone": 0.83,
     }  # fmt: skip
-    said = replace(diagnose([plain], with_curves=False), next_experiment=proposal)
+    said = replace(diagnosed(None), next_experiment=proposal)
     assert next_experiment_sentence(said) == (
         "Record next: sine, 15°, 1 Hz, on air, extension cable, with a known load of 20 mN m on the pulley "
         "beside the cable. It would show tilted base, if there (expected gain in log evidence 6.4; 5 "
@@ -125,9 +139,9 @@ def test_a_proposed_change_is_said_with_its_chance(plain: Session) -> None:
     )
 
 
-def test_what_only_a_left_out_run_could_tell_is_no_error(plain: Session) -> None:
+def test_what_only_a_left_out_run_could_tell_is_no_error() -> None:
     """A changed run's own offset of the cable: its length is missed by no more than its floor."""
-    said = diagnose([plain, changed(made.Bench(), "mass")], with_curves=False)
+    said = diagnosed("mass")
     length = said.errors["cable_kinematics"]
     assert length.rmse < 1.5 * length.floor
     told = [one.change for one in said.held_out]
@@ -137,7 +151,7 @@ def test_what_only_a_left_out_run_could_tell_is_no_error(plain: Session) -> None
 def test_sessions_without_a_change_are_left_as_they_are(plain: Session) -> None:
     assert with_interventions([plain])[0] is plain
     assert changed_pairs(plain.runs) == []
-    said = diagnose([plain], with_curves=False)
+    said = diagnosed(None)
     assert said.paired == ()
     assert "paired" not in said.to_json()
 

@@ -6,12 +6,14 @@ of 0.046 kg m^2 with 1.1 N m of dry friction, whose torque has some 0.14 N m of 
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from fingerlab.diagnosis import diagnose
+from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.report.diagnosis_words import judged_on, verdict_sentence
 from fingerlab.rig.file import Motor, Rig
 from fingerlab.sessions.model import Array, Run, Session
@@ -45,12 +47,17 @@ def session(*motions: tuple[tuple[float, float], ...], friction: float = COULOMB
     return Session(Path("few.h5"), "few", "", Rig(None, Motor()), runs)
 
 
+@cache
+def diagnosed(*motions: tuple[tuple[float, float], ...]) -> Diagnosis:
+    return diagnose([session(*motions)], with_curves=False)
+
+
 @pytest.mark.parametrize("motions", [(FAST,), (SLOW,), (FAST, SLOW), (FAST, FAST)])
 def test_friction_is_found_by_one_run_and_by_two_that_have_little_in_common(
     motions: tuple[tuple[tuple[float, float], ...], ...],
 ) -> None:
     """A slow run beside a fast one made the floor ten times the noise: the slow one tells no inertia."""
-    found = diagnose([session(*motions)], with_curves=False)
+    found = diagnosed(*motions)
     assert found.verdict == "missing_effect"
     assert found.candidates[0].effect == "motor_coulomb_friction"
     strength = found.candidates[0].parameters["coulomb"]
@@ -72,7 +79,7 @@ def test_nothing_is_missing_any_more_with_the_friction_in_the_model(
 
 
 def test_it_is_said_that_parts_of_the_runs_were_left_out() -> None:
-    one, two = (diagnose([session(*motions)], with_curves=False) for motions in ((FAST,), (FAST, SLOW)))
+    one, two = (diagnosed(*motions) for motions in ((FAST,), (FAST, SLOW)))
     assert one.held_out_by_parts
     assert two.held_out_by_parts
     assert judged_on(one) == "parts of the one run left out of the fit"

@@ -41,7 +41,11 @@ def session(name: str | None) -> Session:
     if name == "routing_change":
         bench = replace(bench, arms={**bench.arms, 1: (0.0073, 0.0036)})
     # Only a swing that lets the cable out entirely shows slack.
-    return made.session(bench, mean=1.7 if name == "cable_slack" else 4.0)
+    whole = made.session(bench, mean=1.7 if name == "cable_slack" else 4.0)
+    if name != "motor_coulomb_friction":
+        return whole
+    # No tangent is as steep as a sign, and a search that ends beside the floor is long: fewer of each kind.
+    return replace(whole, runs=tuple(whole.runs[k] for k in (0, 1, 3, 5, 7, 8, 10)))
 
 
 HEARD: list[float] = []

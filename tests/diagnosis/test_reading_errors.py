@@ -165,10 +165,11 @@ def test_an_angle_that_is_read_at_another_scale_is_told_by_it(channel: str, scal
 
 def test_friction_is_named_beside_an_angle_of_another_scale() -> None:
     """Its law leaves much itself: the scale takes off what a further effect would have to, and no less."""
-    bench = made.Bench(missing=made.Missing(motor_coulomb=5e-3))
+    whole = made.session(made.Bench(missing=made.Missing(motor_coulomb=5e-3)))
+    # A search that ends beside the floor is long: fewer runs of each kind.
+    session = replace(whole, runs=tuple(whole.runs[k] for k in (0, 1, 3, 5, 7, 8, 10)))
     clean, spoilt = (
-        diagnose([misread(made.session(bench), "mcp_angle", scale)], with_curves=False)
-        for scale in (1.0, 0.95)
+        diagnose([misread(session, "mcp_angle", scale)], with_curves=False) for scale in (1.0, 0.95)
     )
     assert clean.bench == ()
     assert [step.added for step in spoilt.path] == [None, "motor_coulomb_friction"]

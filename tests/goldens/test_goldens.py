@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -17,8 +18,8 @@ from tests.goldens.report import page
 NAME = "motor-bench-motor_coulomb_friction-501"
 
 
-def ask(command: str, folder: Path, *more: str) -> Result:
-    words = ["--part", "quick", "--only", NAME, "--step", "diagnose", "--step", "sums"]
+def ask(command: str, folder: Path, *more: str, steps: Sequence[str] = ("diagnose", "sums")) -> Result:
+    words = ["--part", "quick", "--only", NAME, *(word for step in steps for word in ("--step", step))]
     return CliRunner().invoke(main, [command, str(folder), *words, *more])
 
 
@@ -48,17 +49,20 @@ def test_a_number_that_differs_in_its_last_bit_is_told(stored: Path) -> None:
     text = path.read_text(encoding="utf-8")
     golden = json.loads(text)
     said = golden["steps"]["diagnose"]["json"]
-    said["score"] = math.nextafter(said["score"], math.inf)
+    fit = golden["steps"]["sums"]["fit"]
+    for told, name in ((said, "score"), (fit, "cost")):
+        told[name] = math.nextafter(told[name], math.inf)
     path.write_text(json.dumps(golden), encoding="utf-8")
     try:
         done = ask("compare", stored)
-        passed = ask("compare", stored, "--tolerance", "1e-12")
-        passed_over = ask("compare", stored, "--but-for", "diagnose.json.sc*")
+        passed = ask("compare", stored, "--tolerance", "1e-12", steps=["sums"])
+        passed_over = ask("compare", stored, "--but-for", "sums.fit.co*", steps=["sums"])
     finally:
         path.write_text(text, encoding="utf-8")
     assert done.exit_code == 1
-    assert "1 values differ" in done.output
+    assert "2 values differ" in done.output
     assert f"diagnose.json.score: {said['score']!r} -> " in done.output
+    assert f"sums.fit.cost: {fit['cost']!r} -> " in done.output
     assert "1 compared: 0 equal, 1 differ" in done.output
     assert passed.exit_code == passed_over.exit_code == 0
 
@@ -70,7 +74,7 @@ def test_another_session_under_the_same_name_is_told(stored: Path) -> None:
     golden["content"][f"{NAME}.h5"]["runs"]["003"] = "0"
     path.write_text(json.dumps(golden), encoding="utf-8")
     try:
-        done = ask("compare", stored, "--made-anew")
+        done = ask("compare", stored, "--made-anew", steps=["sums"])
     finally:
         path.write_text(text, encoding="utf-8")
     assert done.exit_code == 1

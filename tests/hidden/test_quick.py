@@ -116,17 +116,17 @@ def test_an_effect_that_is_not_needed_beside_the_right_one_is_told(tmp_path: Pat
     """It had been called true, although the right one alone leaves as little."""
     path = tmp_path / "coulomb.h5"
     run("simulate", "--protocol", "thesis", "--effect", "coulomb_friction", "--seed", "7", "--out", path)
-    both = run("diagnose", path, "--add", "coulomb_friction", "--add", "joint_coupling")
+    answer, added = tmp_path / "both.json", ["--add", "coulomb_friction", "--add", "joint_coupling"]
+    printed = CliRunner().invoke(cli, ["diagnose", str(path), *added, "--json", str(answer)])
+    both = json.loads(answer.read_text(encoding="utf-8"))
     assert both["verdict"] == "nothing_missing"
     assert both["smaller_model"]["remove"] == ["joint_coupling"]
     right = run("diagnose", path, "--add", "coulomb_friction")
     assert right["smaller_model"] is None  # the nominal model leaves four floors
     assert both["smaller_model"]["score"] == pytest.approx(right["score"], abs=0.01)
-    added = ["--add", "coulomb_friction", "--add", "backlash"]
-    printed = CliRunner().invoke(cli, ["diagnose", str(path), *added])
     said = " ".join(printed.stdout.split())
-    assert "Play between gearbox and pulley is not needed in the model: without it the error" in said
-    assert "To take play between gearbox and pulley off: --add coulomb_friction" in said
+    assert "Stiffness between MCP and PIP is not needed in the model: without it the error" in said
+    assert "To take stiffness between MCP and PIP off: --add coulomb_friction" in said
     # Constants come back with the friction, too; what speaks for it is an error that falls to a quarter.
     missing = run("diagnose", path)["candidates"]
     assert "goes from 4.08 to" in missing[0]["explanation"]

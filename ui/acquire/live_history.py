@@ -185,7 +185,8 @@ class LiveHistory:
         self.rate_hz = rate_hz
         self._row = {name: row for row, name in enumerate(self.names)}
         self._capacity = round(seconds * rate_hz)
-        self._data = np.full((len(self.names), 2 * self._capacity), np.nan)
+        # Of what it adds :meth:`extend` makes NaN; to write 70 MB of it now holds up every connecting.
+        self._data = np.empty((len(self.names), 2 * self._capacity))
         self._begin = self._end = 0
         self._known: dict[str, int] = {}
         self.first = 0

@@ -58,6 +58,19 @@ def test_a_gap_stays_a_gap_and_a_lone_sample_a_dot() -> None:
     assert (low[:4] == 1.0).all()
 
 
+def test_samples_that_never_came_are_none_of_what_stood_in_their_place() -> None:
+    """A gap, and a column that was not given, where other samples were before all was forgotten."""
+    history = LiveHistory(NAMES, 1000.0, seconds=1.0)
+    index = np.arange(100.0)
+    history.extend(index, dict.fromkeys(NAMES, index + 1.0))
+    history.clear()
+    history.extend(np.array([0.0, 1.0, 5.0, 6.0]), {"a": np.array([1.0, 2.0, 6.0, 7.0])})
+    _, came = history.series("a", 0, 100)
+    _, late = history.series("late", 0, 100)
+    np.testing.assert_array_equal(came, [1.0, 2.0, np.nan, np.nan, np.nan, 6.0, 7.0])
+    np.testing.assert_array_equal(late, np.full(7, np.nan))
+
+
 def look(scale: tuple[float, float] = (-4.0, 4.0)) -> RasterLook:
     """A narrow black curve and a wide blue one over it."""
     curves = ((BLACK, 1), (BLUE, 2))
