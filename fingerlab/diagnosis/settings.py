@@ -383,6 +383,10 @@ not linear; assumed."""
 LEAST_FORCE_ZERO, ZERO_SPREADS = 0.02, 5.0
 """What a load cell reads with nothing on it is taken off from this share of its readings in contact on, twice
 what its span may be off by (FC2231 data sheet), and so many times what it scatters by; assumed."""
+CLEAR_S, CLEAR_SLOPE = 0.3, 0.03
+"""A tip that presses shows the load cell's zero where it is clear of it for so long, s, and the reading there
+goes with its place, one standard deviation, by no more than this share of what presses the cell; assumed:
+noise of 1 % and a tip that has let go give less, one that is soft or rubs on gives more."""
 FORCE_ZERO_RUNS = 6
 """Runs of either kind that are looked at for it, evenly among all: enough for their scatter."""
 MOST_FORCE_ZERO_N = 2.0

@@ -268,7 +268,7 @@ def test_varying_arm_obeys_virtual_work() -> None:
 
 @pytest.mark.parametrize("sign", [-1, 1])
 def test_around_the_growth_that_was_found_the_arm_is_told_exactly(sign: int) -> None:
-    """All that a joint calls for is over a (1 + p angle): sideways forces, and other effects' torques, too."""
+    """All that a joint calls for is over a (1 + p angle): sideways forces, other effects' torques, too."""
     motion = moving(sign=sign, force=1.0)
     q = motion.joints
     assert q is not None

@@ -59,6 +59,12 @@ from fingerlab.diagnosis.signals.conditions import (
     with_interventions,
 )
 from fingerlab.diagnosis.signals.filters import Repair
+from fingerlab.diagnosis.signals.load_cell_zero import (
+    SeenZeros,
+    zero_in_the_air,
+    zeros_in_the_air,
+    zeros_while_clear,
+)
 from fingerlab.diagnosis.signals.reading_errors import (
     FORCE,
     NO_ERROR,
@@ -67,7 +73,6 @@ from fingerlab.diagnosis.signals.reading_errors import (
     RunZeros,
     with_reading_errors,
     with_run_zeros,
-    zero_in_the_air,
 )
 from fingerlab.diagnosis.signals.scales import (
     Scales,
@@ -143,7 +148,8 @@ class Reduction:
     @cached_property
     def sessions(self) -> tuple[Session, ...]:
         """The sessions in reduced units."""
-        return with_run_zeros(with_reading_errors(self._as_read, self.reading_errors), self.run_zeros)
+        corrected = with_reading_errors(self._as_read, self.reading_errors)
+        return with_run_zeros(with_run_zeros(corrected, self.seen_zeros), self.run_zeros)
 
     @cached_property
     def _as_read(self) -> tuple[Session, ...]:
@@ -153,6 +159,19 @@ class Reduction:
     def zero_in_the_air(self) -> float | None:
         """What the load cell reads where nothing touches it, in reduced units; None: no run tells."""
         return zero_in_the_air([run for session in self._as_read for run in session.runs])
+
+    @cached_property
+    def zeros_in_the_air(self) -> SeenZeros | None:
+        """How far the load cell's zeros are apart in the air; None: no runs tell, or none has to be told."""
+        runs = [run for session in self._as_read for run in session.runs]
+        if sum(run.phase == "contact" for run in runs) == len(self.seen_zeros):
+            return None
+        return zeros_in_the_air(runs)
+
+    @cached_property
+    def seen_zeros(self) -> RunZeros:
+        """The load cell's zero in each run in contact that shows it, beside what is taken off all runs."""
+        return zeros_while_clear(self._as_read, self.reading_errors)
 
     @property
     def reading_errors(self) -> ReadingErrors:
@@ -227,7 +246,7 @@ class Reduction:
             self._read_anew()
 
     def _read_anew(self) -> None:
-        for name in ("sessions", "pairs", "_usable", "_looked_at"):
+        for name in ("sessions", "seen_zeros", "zeros_in_the_air", "pairs", "_usable", "_looked_at"):
             vars(self).pop(name, None)
         self._forget()
 
