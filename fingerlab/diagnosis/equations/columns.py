@@ -111,11 +111,12 @@ def layout_of(
     effects: Sequence[Effect],
     beside_finger: bool = False,
     speed: float = 0.0,
+    tip_sticks: bool = False,
 ) -> Layout:
     """The features in the order in which :func:`all_columns` gives them.
 
-    ``beside_finger``: if it is a run of the motor alone, the motor is that of a finger's runs. ``speed``: see
-    :func:`nuisance_ranges`.
+    ``beside_finger``: if it is a run of the motor alone, the motor is that of a finger's runs. ``speed``,
+    ``tip_sticks``: see :func:`nuisance_ranges`.
     """
     features: list[Feature] = []
     signals: list[int] = []
@@ -135,8 +136,9 @@ def layout_of(
         features.append(feature)
         signals.append(place)
     rate = min((run.sample_rate_hz for run in session.runs), default=math.inf)
+    ranges = nuisance_ranges(session.rig, rate, speed, tip_sticks)
     return Layout(
-        tuple(features), nuisance_ranges(session.rig, rate, speed), tuple(effects), np.arange(base),
+        tuple(features), ranges, tuple(effects), np.arange(base),
         np.array(signals), spread_of(session.rig),
     )  # fmt: skip
 

@@ -88,6 +88,7 @@ from fingerlab.diagnosis.signals.segments import (
     segments_of,
     with_drive_sign,
 )
+from fingerlab.diagnosis.signals.tip_travel import tips_stick
 from fingerlab.effects.base import Effect, Shape
 from fingerlab.physics.motion import Motion, strongest_lines
 from fingerlab.rig.file import UNCHANGED, Intervention, Rig, intervention_of
@@ -470,7 +471,7 @@ class Reduction:
             motion = known.motion if known is not None else next(segments_of(run, session.rig))
             beside = len(set(kinds)) == 2
             speed = self._speed if self.on_bench else 0.0
-            found = layout_of(motion.head(), session, effects, beside, speed)
+            found = layout_of(motion.head(), session, effects, beside, speed, self._tip_sticks)
             layouts[on_bench] = replace(found, scales=self.scales, late_torque=self.late_torque)
         return layouts
 
@@ -478,6 +479,11 @@ class Reduction:
     def _speed(self) -> float:
         """Of the fastest run, rad/s."""
         return fastest_speed([run for _, run in self.pairs])
+
+    @cached_property
+    def _tip_sticks(self) -> bool:
+        """Whether no run in contact shows a tip that slides."""
+        return tips_stick(self.pairs)
 
     def _reduced(
         self,

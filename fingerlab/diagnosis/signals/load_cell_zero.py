@@ -20,24 +20,20 @@ from fingerlab.diagnosis.settings import (
     FORCE_ZERO_RUNS,
     LEAST_FORCE_ZERO,
     LIFTED_M,
-    LONGEST_STRETCH_S,
     WIDE_RATE_HZ,
     ZERO_SPREADS,
 )
 from fingerlab.diagnosis.signals.reading_errors import (
     FORCE,
-    MCP,
     NO_ERROR,
-    PIP,
     ReadingError,
     ReadingErrors,
     RunZeros,
 )
+from fingerlab.diagnosis.signals.tip_travel import tip_record
 from fingerlab.rig.file import Finger
 from fingerlab.sessions.model import Array, Run, Session
 
-PRESSING_SHARE = 0.15
-"""Of the force between its least and its most; assumed: a tip that is read to press with more does press."""
 CLEAR_SAMPLES = 4
 """Samples of the wide rate that are averaged before it is asked where the tip is."""
 
@@ -132,31 +128,16 @@ def zero_while_clear(run: Run, finger: Finger) -> tuple[float, float] | None:
     where it is further back than wherever it presses, and the reading there no longer goes with its place:
     a soft tip gives by as much, but its force goes with it.
     """
-    if not all(run.has(name) for name in (FORCE, MCP, PIP)):
+    tip = tip_record(run, finger, CLEAR_SAMPLES / WIDE_RATE_HZ)
+    if tip is None or not tip.pressing.any():
         return None
-    read = run.load([FORCE, MCP, PIP], 0, int(LONGEST_STRETCH_S * run.sample_rate_hz))
-    step = max(round(CLEAR_SAMPLES * run.sample_rate_hz / WIDE_RATE_HZ), 1)
-    force, mcp, pip = (_averaged(read[name], step) for name in (FORCE, MCP, PIP))
-    known = np.isfinite(force) & np.isfinite(mcp) & np.isfinite(pip)
-    force, mcp, pip = force[known], mcp[known], pip[known]
-    if len(force) == 0:
-        return None
-    depth = 2.0 * finger.proximal_half_length * np.sin(mcp - finger.wrist_angle)
-    depth = depth + 2.0 * finger.distal_half_length * np.sin(mcp + pip - finger.wrist_angle)
-    least, most = np.quantile(force, (0.02, 0.98))
-    pressing = force > least + PRESSING_SHARE * (most - least)
-    clear = depth < np.quantile(depth[pressing], 0.02) - LIFTED_M if pressing.any() else pressing
+    clear = tip.depth < np.quantile(tip.depth[tip.pressing], 0.02) - LIFTED_M
     if np.count_nonzero(clear) < CLEAR_S * WIDE_RATE_HZ / CLEAR_SAMPLES:
         return None
-    zero, load = float(np.median(force[clear])), float(most - least)
+    depth, force, load = tip.depth, tip.force, tip.load
+    zero = float(np.median(force[clear]))
     back = depth[clear] - depth[clear].mean()
     followed = float(back @ force[clear]) / max(float(back @ back), 1e-30) * float(np.std(back))
     if abs(followed) > CLEAR_SLOPE * load or float(np.std(force[clear])) > 2.0 * CLEAR_SLOPE * load:
         return None
     return zero, load
-
-
-def _averaged(values: Array, step: int) -> Array:
-    """Means of so many samples each, as far as they go."""
-    whole = len(values) // step * step
-    return np.asarray(values[:whole].reshape(-1, step).mean(axis=1))
