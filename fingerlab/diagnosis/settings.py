@@ -385,9 +385,9 @@ LEAST_FORCE_ZERO, ZERO_SPREADS = 0.02, 5.0
 what its span may be off by (FC2231 data sheet), and so many times what it scatters by; assumed."""
 PRESSING_SHARE = 0.15
 """Of the force between its least and its most: a tip that is read to press with more does press; assumed."""
-MOST_TIP_FRICTION, STICKING_SHARE = 0.4, 0.15
-"""Friction coefficient of printed parts at most, and what share of the normal force a tip that sticks holds
-along the face, one standard deviation: anything within the cone of a friction of 0.25; assumed."""
+MOST_TIP_FRICTION, MOST_STICKING_SHARE, STICKING_SHARE = 0.4, 0.25, 0.1
+"""Friction coefficient of printed parts at most; and the share of the normal force that a tip which sticks holds
+along the face, at most and one standard deviation: as of one that slides back and forth; assumed."""
 LEAST_TIP_TRAVEL_M, TIP_AVERAGE_S, SETTLED_TIP_SHARE = 1.5e-5, 0.1, 0.2
 """A tip sticks that moves along by no more than this beyond what it gives, m, in averages over so long, s:
 half an angle step (KMA210: 0.04 degrees) at the tip. It is asked behind this share of the run; assumed."""

@@ -24,7 +24,7 @@ from fingerlab.diagnosis.settings import (
     EARLY_LAGS,
     EXACT,
     MOST_CHANGES,
-    MOST_TIP_FRICTION,
+    MOST_STICKING_SHARE,
     ROTOR_SPREAD,
     SLIP_STIFFNESSES,
     STICKING_SHARE,
@@ -167,7 +167,7 @@ def nuisance_ranges(
 def _held_share() -> Parameter:
     """What share of the force a tip that sticks holds along the face."""
     source = "assumed: friction coefficient of printed parts"
-    return Parameter("tan", -MOST_TIP_FRICTION, MOST_TIP_FRICTION, STICKING_SHARE, source=source)
+    return Parameter("tan", -MOST_STICKING_SHARE, MOST_STICKING_SHARE, STICKING_SHARE, source=source)
 
 
 def _trace_of(inertia: float) -> Parameter:
