@@ -386,8 +386,8 @@ what its span may be off by (FC2231 data sheet), and so many times what it scatt
 PRESSING_SHARE = 0.15
 """Of the force between its least and its most: a tip that is read to press with more does press; assumed."""
 MOST_TIP_FRICTION, MOST_STICKING_SHARE, STICKING_SHARE = 0.4, 0.25, 0.1
-"""Friction coefficient of printed parts at most; and the share of the normal force that a tip which sticks holds
-along the face, at most and one standard deviation: as of one that slides back and forth; assumed."""
+"""Friction coefficient of printed parts at most; and the share of the normal force that a tip which sticks
+may hold along the face, at most and one standard deviation: as of one that slides to and fro; assumed."""
 LEAST_TIP_TRAVEL_M, TIP_AVERAGE_S, SETTLED_TIP_SHARE = 1.5e-5, 0.1, 0.2
 """A tip sticks that moves along by no more than this beyond what it gives, m, in averages over so long, s:
 half an angle step (KMA210: 0.04 degrees) at the tip. It is asked behind this share of the run; assumed."""
