@@ -386,6 +386,18 @@ not linear; assumed."""
 LEAST_FORCE_ZERO, ZERO_SPREADS = 0.02, 5.0
 """What a load cell reads with nothing on it is taken off from this share of its readings in contact on, twice
 what its span may be off by (FC2231 data sheet), and so many times what it scatters by; assumed."""
+PRESSING_SHARE = 0.15
+"""Of the force between its least and its most: a tip that is read to press with more does press; assumed."""
+MOST_TIP_FRICTION, MOST_STICKING_SHARE, STICKING_SHARE = 0.4, 0.25, 0.1
+"""Friction coefficient of printed parts at most; and the share of the normal force that a tip which sticks
+may hold along the face, at most and one standard deviation: as of one that slides to and fro; assumed."""
+LEAST_TIP_TRAVEL_M, TIP_AVERAGE_S, SETTLED_TIP_SHARE = 1.5e-5, 0.1, 0.2
+"""A tip sticks that moves along by no more than this beyond what it gives, m, in averages over so long, s:
+half an angle step (KMA210: 0.04 degrees) at the tip. It is asked behind this share of the run; assumed."""
+CLEAR_S, CLEAR_SLOPE = 0.3, 0.03
+"""A tip that presses shows the load cell's zero where it is clear of it for so long, s, and the reading there
+goes with its place, one standard deviation, by no more than this share of what presses the cell; assumed:
+noise of 1 % and a tip that has let go give less, one that is soft or rubs on gives more."""
 FORCE_ZERO_RUNS = 6
 """Runs of either kind that are looked at for it, evenly among all: enough for their scatter."""
 MOST_FORCE_ZERO_N = 2.0

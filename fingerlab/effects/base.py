@@ -224,6 +224,9 @@ class Effect:
             number until these gains are nothing.
         turns: by how much (rad) the load cell's face is turned against the finger at a point of ``shapes``;
             what the tip does along the face turns with it.
+        arms: how many times as long as usual the joints' moment arms are in a motion at a point of
+            ``shapes``, (n,) by equation; what a joint calls for is divided by its arm, whatever brings it.
+            Empty where the shape tells nothing of it.
         family: one of ``FAMILIES``. formula: what is printed of it.
         example: a motion and what the columns are in it.
         followed: unknowns whose value is followed over sessions, the effect found missing or not, and what a
@@ -259,6 +262,7 @@ class Effect:
     follows: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     slopes: Callable[[Shape, Mapping[str, float]], Mapping[str, Mapping[str, float]]] | None = None
     turns: Callable[[Shape], float] | None = None
+    arms: Callable[[Motion, Shape], Mapping[Row, Array]] | None = None
     family: str = FAMILIES[-1]
     formula: Formula | None = None
     example: Example | None = None

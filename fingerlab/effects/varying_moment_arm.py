@@ -21,13 +21,34 @@ LEAST_ARM = 0.2
 """Share of an arm that is left of it at least in the torque; assumed: no fit is to divide by nothing."""
 
 
+def arms(motion: Motion, shape: Shape) -> dict[Row, Array]:
+    """How many times as long as in the straight finger both arms are, (n,) each; {} where none is known."""
+    if not any(shape.get(name) for name in FOLLOWING):  # the same columns for both cables
+        return {}
+    _, q = motion.finger_and_joints
+    grown = _growth(motion, shape)
+    return {
+        row: np.maximum(1.0 + grown[joint] * angle, LEAST_ARM)
+        for joint, row, angle in (("mcp", Row.MCP, q.mcp), ("pip", Row.PIP, q.pip))
+    }
+
+
+def _growth(motion: Motion, shape: Shape) -> dict[str, float]:
+    """By what share a radian each arm grows with the cable at hand, by joint."""
+    sign = float(motion.cable_sign)
+    return {
+        joint: shape.get(f"growth_{joint}", 0.0) + sign * shape.get(f"turn_{joint}", 0.0) for joint in ANGLES
+    }
+
+
 def columns(motion: Motion, shape: Shape) -> list[Term]:
     """a(theta1) = a (1 + p theta1), b(theta2) = b (1 + q theta2).
 
     The growth has a part that is the same for both routings, and a part that turns with the side on which
     the cable runs. The tension carries 1/a. On the grid no growth is known, and the second order in p has a
-    gain of its own, because p is not small (0.4/rad over 0.6 rad takes a quarter of the arm); around the
-    growth that was found 1/a is told exactly, and its change with p to first order.
+    gain of its own, because p is not small (0.4/rad over 0.6 rad takes a quarter of the arm). Around the
+    growth that was found everything that a joint calls for is divided by the arm (:func:`arms`), and only
+    the change of 1/a with p is told here, to first order.
     """
     f, q = motion.finger_and_joints
     sign = float(motion.cable_sign)
@@ -36,13 +57,11 @@ def columns(motion: Motion, shape: Shape) -> list[Term]:
         ("mcp", Row.MCP, q.mcp, nominal.mcp_torque(f, q).total + at_mcp, "arm_mcp"),
         ("pip", Row.PIP, q.pip, nominal.pip_torque(f, q).total + at_pip, "arm_pip"),
     )
-    terms = []
+    terms, known, grown = [], arms(motion, shape), _growth(motion, shape)
     for joint, row, angle, torque, scale in each:
-        grown = shape.get(f"growth_{joint}", 0.0) + sign * shape.get(f"turn_{joint}", 0.0)
-        if any(shape.get(name) for name in FOLLOWING):  # the same columns for both cables
-            arm = np.maximum(1.0 + grown * angle, LEAST_ARM)
-            slope = -torque * angle / arm**2
-            terms.append(Term(row, "", torque * (1.0 / arm - 1.0) - grown * slope, "joint", constant=1.0))
+        if known:
+            slope = -torque * angle / known[row] ** 2
+            terms.append(Term(row, "", -grown[joint] * slope, "joint", constant=1.0))
         else:
             slope = -torque * angle
             terms.append(Term(row, f"bend_{joint}", torque * angle**2, "joint"))
@@ -69,6 +88,7 @@ EFFECT = Effect(
     },
     columns=columns,
     follows=FOLLOWING,
+    arms=arms,
     coordinate="joint angle",
     equation=Row.CABLE,
     explanation="Torque and cable length call for a moment arm that changes with the joint angle.",

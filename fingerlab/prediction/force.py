@@ -33,6 +33,8 @@ from fingerlab.diagnosis.equations.coefficients import (
 from fingerlab.diagnosis.equations.features import (
     Feature,
     base_columns,
+    grown_columns,
+    shares_of_arms,
     shifted_columns,
     turned_columns,
 )
@@ -281,14 +283,18 @@ def _columns(
         late = [weights[k] * _late(column, int(k), motion.sample_rate_hz) for k in np.flatnonzero(weights)]
         yield feature, sum(late[1:], late[0])
     motion = as_effects_see_it(motion, effects)
+    shares = shares_of_arms(motion, effects)
     for one in effects:
         others = {name for name, gain in one.gains.items() if gain.cable not in ("", cable)}
         for term in one.columns(motion, one.shapes[0]):
             if term.gain in others:
                 continue
             known = Feature(term.row, term.gain, term.constant, term.scale, owner=one.id)
-            yield known, term.values
-        yield from turned_columns(motion, one, 0)
+            share = shares.get(term.row) if term.scale == "joint" and one.arms is None else None
+            yield known, term.values if share is None else term.values * share
+        for feature, column in turned_columns(motion, one, 0):
+            yield feature, column * shares.get(feature.row, 1.0)
+        yield from grown_columns(motion, one, 0)
 
 
 def _late(values: Array, shift: int, rate: float) -> Array:

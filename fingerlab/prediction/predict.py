@@ -28,13 +28,8 @@ from fingerlab.diagnosis.search.moved_zeros import with_zeros_taken_off
 from fingerlab.diagnosis.search.reading_errors import with_readings_corrected
 from fingerlab.diagnosis.settings import FULL_ITERATIONS, NARROW_RATE_HZ
 from fingerlab.diagnosis.signals.conditions import GroupKey, folds_of_runs, group_key
-from fingerlab.diagnosis.signals.reading_errors import (
-    FORCE,
-    NO_ERROR,
-    ReadingErrors,
-    in_si,
-    zero_in_the_air,
-)
+from fingerlab.diagnosis.signals.load_cell_zero import zero_in_the_air
+from fingerlab.diagnosis.signals.reading_errors import FORCE, NO_ERROR, ReadingErrors, in_si
 from fingerlab.effects import effect
 from fingerlab.models.file import hash_sessions
 from fingerlab.prediction.error_band import (

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fingerlab.diagnosis.equations.columns import all_columns
 from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import Row, Term
 from fingerlab.effects.sensor_drift import STEADY_S
@@ -267,21 +268,31 @@ def test_varying_arm_obeys_virtual_work() -> None:
 
 @pytest.mark.parametrize("sign", [-1, 1])
 def test_around_the_growth_that_was_found_the_arm_is_told_exactly(sign: int) -> None:
-    """With the gains at the shape's own growth the tension is the torque over a (1 + growth angle)."""
+    """All that a joint calls for is over a (1 + p angle): sideways forces, other effects' torques, too."""
     motion = moving(sign=sign, force=1.0)
     q = motion.joints
     assert q is not None
     found = {"growth_mcp": 0.3, "growth_pip": -0.2, "turn_mcp": 0.3, "turn_pip": 0.35}
-    terms = CATALOGUE["varying_moment_arm"].columns(motion, found)
-    other = CATALOGUE["varying_moment_arm"].columns(moving(sign=-sign, force=1.0), found)
-    assert [(t.row, t.gain) for t in terms] == [(t.row, t.gain) for t in other]
-    for row, angle, grown, lhs in (
-        (Row.MCP, q.mcp, 0.3 + 0.3 * sign, nominal.mcp_torque(FINGER, q).total),
-        (Row.PIP, q.pip, -0.2 + 0.35 * sign, nominal.pip_torque(FINGER, q).total),
+    bends = replace(CATALOGUE["varying_moment_arm"], shapes=(found,))
+    rubs = replace(CATALOGUE["coulomb_friction"], shapes=({"travel_deg": 0.12},))
+    other = [feature for _, _, _, make in all_columns(moving(sign=-sign, force=1.0), [bends, rubs])
+             if (feature := make())]  # fmt: skip
+    mine = [feature for _, _, _, make in all_columns(motion, [bends, rubs]) if (feature := make())]
+    assert [(f.row, f.parameter) for f in mine] == [(f.row, f.parameter) for f in other]
+    rng = np.random.default_rng(1)
+    strengths = {f.parameter or "": rng.uniform(0.1, 0.5) for f in mine} | found | {"": 0.0}
+
+    def called_for(row: Row, effects: list) -> np.ndarray:
+        parts = [(make(), values) for values, _, _, make in all_columns(motion, effects)]
+        mine = [(f, values) for f, values in parts if f.row is row and f.scale == "joint"]
+        return np.sum([values * (f.constant + strengths[f.parameter or ""]) for f, values in mine], axis=0)
+
+    for row, angle, grown in (
+        (Row.MCP, q.mcp, 0.3 + 0.3 * sign),
+        (Row.PIP, q.pip, -0.2 + 0.35 * sign),
     ):
-        torque = lhs + contact_lever(row, q) * motion.force
-        added = sum(t.values * (t.constant + found.get(t.gain, 0.0)) for t in terms if t.row == row)
-        assert torque + added == pytest.approx(torque / (1.0 + grown * angle), rel=1e-9, abs=1e-12)
+        straight = called_for(row, [rubs])
+        assert called_for(row, [bends, rubs]) == pytest.approx(straight / (1.0 + grown * angle), rel=1e-9)
 
 
 def contact_lever(row: Row, q: JointMotion) -> np.ndarray:

@@ -68,6 +68,7 @@ def bench_findings(
         *_channels(reduction),
         *_fragmented(reduction),
         *_turned(reduction),
+        *_shown(reduction),
         *_moved(reduction, offsets),
         *_skew(reduction, last),
         *_readings(reduction, last),
@@ -278,6 +279,33 @@ def _lies_beyond(reduction: Reduction, last: FittedModel, keys: Sequence[str]) -
     return any(within - left_by(freed(key)) > LEFT_BEYOND_TOLERANCE * within for key in keys)
 
 
+def _shown(reduction: Reduction) -> list[BenchFinding]:
+    """Zeros of the load cell in single runs, which it shows while the tip is clear of it."""
+    known = reduction.reading_errors.get(FORCE, NO_ERROR)
+    shown = {
+        run: known.then(errors[FORCE]).zero * reduction.scales.of("N")
+        for (_, run), errors in reduction.seen_zeros.items()
+    }
+    if not shown:
+        return []
+    zeros = np.array(list(shown.values()))
+    mean, spread = float(zeros.mean()), float(np.std(zeros, ddof=1)) if len(zeros) > 1 else 0.0
+    runs = tuple(shown)
+    if not spread > LEAST_MOVED * abs(mean):
+        said = f"The load cell reads {_number(mean)} N with nothing on it, while the tip is clear of it"
+        advice = "set its zero before the runs, with the finger clear of it"
+        return [BenchFinding("zero", FORCE, mean, "N", runs, f"{said}; that is taken off", advice)]
+    away = np.abs(zeros - mean)
+    worst = runs[int(np.argmax(away))]
+    said, advice = _moved_words(FORCE, spread, float(away.max()), worst, 0.0)
+    said += ", as it reads while the tip is clear of it; that is taken off"
+    return [BenchFinding("moving_zero", FORCE, spread, "N", (worst,), said, advice)]
+
+
+LEAST_MOVED = 0.2
+"""Share of their mean that zeros are apart by, or they are told as one; assumed."""
+
+
 def _moved(reduction: Reduction, offsets: Sequence[Offsets]) -> list[BenchFinding]:
     """Zeros that are other ones in every run, by runs that were told the same motion.
 
@@ -309,6 +337,8 @@ def _moved(reduction: Reduction, offsets: Sequence[Offsets]) -> list[BenchFindin
         spread = float(np.sqrt(np.sum(away**2) / (len(away) - len(repeats))))
         least = np.radians(REPORTED_ZERO_DEG) if unit == "rad" else 0.0
         if not spread > max(REPORTED_OFFSET * float(np.sqrt(np.mean(unsure[every] ** 2))), least):
+            continue
+        if channel == FORCE and reduction.seen_zeros:
             continue
         worst = int(np.argmax(np.abs(away)))
         at = numbers[every[worst]]

@@ -20,6 +20,8 @@ from fingerlab.diagnosis.equations.features import (
     Layout,
     base_columns,
     beside_a_finger,
+    grown_columns,
+    shares_of_arms,
     shifted_columns,
     turned_columns,
 )
@@ -76,14 +78,20 @@ def effect_columns(motion: Motion, effects: Sequence[Effect]) -> Iterator[Column
 def _of_effects(motion: Motion, effects: Sequence[Effect]) -> Iterator[Column]:
     alone = motion.finger is None
     motion = as_effects_see_it(motion, effects)
+    shares = shares_of_arms(motion, effects)
     for effect in effects:
         if alone and not effect.bench:
             continue
         own = of_the_user(effect)
         for index, shape in enumerate(effect.shapes):
             for t in effect.columns(motion, shape):
-                yield t.values, None, own, partial(_feature, t, effect.id, index)
+                share = shares.get(t.row) if t.scale == "joint" and effect.arms is None else None
+                values = t.values if share is None else t.values * share
+                yield values, None, own, partial(_feature, t, effect.id, index)
             for feature, values in turned_columns(motion, effect, index):
+                share = shares.get(feature.row)
+                yield values if share is None else values * share, None, False, partial(replace, feature)
+            for feature, values in grown_columns(motion, effect, index):
                 yield values, None, False, partial(replace, feature)
 
 
@@ -103,11 +111,12 @@ def layout_of(
     effects: Sequence[Effect],
     beside_finger: bool = False,
     speed: float = 0.0,
+    tip_sticks: bool = False,
 ) -> Layout:
     """The features in the order in which :func:`all_columns` gives them.
 
-    ``beside_finger``: if it is a run of the motor alone, the motor is that of a finger's runs. ``speed``: see
-    :func:`nuisance_ranges`.
+    ``beside_finger``: if it is a run of the motor alone, the motor is that of a finger's runs. ``speed``,
+    ``tip_sticks``: see :func:`nuisance_ranges`.
     """
     features: list[Feature] = []
     signals: list[int] = []
@@ -127,8 +136,9 @@ def layout_of(
         features.append(feature)
         signals.append(place)
     rate = min((run.sample_rate_hz for run in session.runs), default=math.inf)
+    ranges = nuisance_ranges(session.rig, rate, speed, tip_sticks)
     return Layout(
-        tuple(features), nuisance_ranges(session.rig, rate, speed), tuple(effects), np.arange(base),
+        tuple(features), ranges, tuple(effects), np.arange(base),
         np.array(signals), spread_of(session.rig),
     )  # fmt: skip
 
@@ -172,8 +182,10 @@ def asked_of(
     common = len(layout.base)
     if first is not None:
         cached[layout.signals[:common]] = first.signals[:common]
-    late = any(shape.get(LATE) for e in effects for shape in e.shapes)  # all columns are others then
-    known = {} if first is None or anew or late else {e.id: e for e in first.effects}
+    # All columns of effects are others then.
+    late = any(shape.get(LATE) for e in effects for shape in e.shapes)
+    grown = any(e.arms is not None and len(e.shapes) == 1 and any(e.shapes[0].values()) for e in effects)
+    known = {} if first is None or anew or late or grown else {e.id: e for e in first.effects}
     for number, effect in enumerate(effects):
         before = known.get(effect.id)
         if first is None or before is None or not _same_columns(effect, before):

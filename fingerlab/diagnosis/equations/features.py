@@ -12,6 +12,7 @@ one Gram matrix of the features serves every model, every grid point and every f
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -280,6 +281,33 @@ def turned_columns(motion: Motion, effect: Effect, shape: int) -> list[tuple[Fea
         for row, name, values in columns
         if name != "lateral"
     ]
+
+
+def grown_columns(motion: Motion, effect: Effect, shape: int) -> list[tuple[Feature, Array]]:
+    """What changes of all that the joints of every model call for where the effect changes their arms.
+
+    Springs, weights, the force at the tip along the load cell's axis and along its face, losses: the tension
+    that they ask for goes with one over the arm of the moment. How strong they are, their own unknowns say.
+    """
+    if effect.arms is None or motion.finger is None:
+        return []
+    arms = effect.arms(motion, effect.shapes[shape])
+    if not arms:
+        return []
+    return [
+        (replace(feature, owner=effect.id, shape=shape, shares_nuisance=True), values * share)
+        for row, share in {row: 1.0 / arm - 1.0 for row, arm in arms.items()}.items()
+        for feature, values in base_columns(motion)
+        if feature.row is row and feature.scale == "joint"
+    ]
+
+
+def shares_of_arms(motion: Motion, effects: Sequence[Effect]) -> dict[Row, Array]:
+    """By how many times the other effects' torques ask for more tension as one of them has made the arms."""
+    known = [e for e in effects if e.arms is not None and len(e.shapes) == 1]
+    if motion.finger is None or not known or known[0].arms is None:
+        return {}
+    return {row: 1.0 / arm for row, arm in known[0].arms(motion, known[0].shapes[0]).items()}
 
 
 def _along_the_face(motion: Motion, turned: bool = False) -> list[tuple[Row, str, Array]]:

@@ -24,8 +24,10 @@ from fingerlab.diagnosis.settings import (
     EARLY_LAGS,
     EXACT,
     MOST_CHANGES,
+    MOST_STICKING_SHARE,
     ROTOR_SPREAD,
     SLIP_STIFFNESSES,
+    STICKING_SHARE,
     USUAL_LAG_S,
     USUAL_LAG_SAMPLES,
     USUAL_RATIOS,
@@ -83,7 +85,9 @@ IN_CONTACT = ("force_gain", "lateral", SET_DOWN, "lateral_spring", RUBS, *SLIPS,
 """What a finger that touches nothing says nothing of."""
 
 
-def nuisance_ranges(rig: Rig, rate: float = math.inf, speed: float = 0.0) -> dict[str, Parameter]:
+def nuisance_ranges(
+    rig: Rig, rate: float = math.inf, speed: float = 0.0, tip_sticks: bool = False
+) -> dict[str, Parameter]:
     """Plausible range of every unknown that each model carries; ``typical`` is one standard deviation.
 
     Constants of the rig move within 2.5 tolerances and no further: a prior alone lets a mass absorb what
@@ -92,6 +96,9 @@ def nuisance_ranges(rig: Rig, rate: float = math.inf, speed: float = 0.0) -> dic
     Args:
         rate: samples a second, of the run that has fewest. speed: of a machine of one axis in the run that
             moves fastest, rad/s, root mean square; 0: as the thesis' motor moves.
+        tip_sticks: no run shows that the tip slides: it may hold any share of the force within its friction,
+            whatever it was set down with. Of one that slides friction turns round, and a share that stays is
+            a force that leans.
     """
     lag = max(USUAL_LAG_S, USUAL_LAG_SAMPLES / rate)
     bench = BENCH_RANGES | {
@@ -133,7 +140,7 @@ def nuisance_ranges(rig: Rig, rate: float = math.inf, speed: float = 0.0) -> dic
         },
         "cable_compliance": Parameter("m/N", 0.0, 6e-5, 2e-5),
         "cable_damping": Parameter("m s/N", -2e-6, 2e-6, 5e-7),
-        "lateral": Parameter("tan", -0.12, 0.12, 0.05),
+        "lateral": _held_share() if tip_sticks else Parameter("tan", -0.12, 0.12, 0.05),
         SET_DOWN: Parameter("N", -1.5, 1.5, 0.5, source="assumed: friction that the tip was set down with"),
         # A pad can only hold the tip back: with either sign, it would pass for a force that leans.
         "lateral_spring": Parameter("N/m", 0.0, 4000.0, 1300.0, source="assumed: a tip of rubber"),
@@ -155,6 +162,12 @@ def nuisance_ranges(rig: Rig, rate: float = math.inf, speed: float = 0.0) -> dic
     return {
         name: replace(pressed.get(name, one), name=name, role=Role.NUISANCE) for name, one in ranges.items()
     }
+
+
+def _held_share() -> Parameter:
+    """What share of the force a tip that sticks holds along the face."""
+    source = "assumed: friction coefficient of printed parts"
+    return Parameter("tan", -MOST_STICKING_SHARE, MOST_STICKING_SHARE, STICKING_SHARE, source=source)
 
 
 def _trace_of(inertia: float) -> Parameter:

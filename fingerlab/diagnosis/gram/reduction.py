@@ -59,6 +59,12 @@ from fingerlab.diagnosis.signals.conditions import (
     with_interventions,
 )
 from fingerlab.diagnosis.signals.filters import Repair
+from fingerlab.diagnosis.signals.load_cell_zero import (
+    SeenZeros,
+    zero_in_the_air,
+    zeros_in_the_air,
+    zeros_while_clear,
+)
 from fingerlab.diagnosis.signals.reading_errors import (
     FORCE,
     NO_ERROR,
@@ -67,7 +73,6 @@ from fingerlab.diagnosis.signals.reading_errors import (
     RunZeros,
     with_reading_errors,
     with_run_zeros,
-    zero_in_the_air,
 )
 from fingerlab.diagnosis.signals.scales import (
     Scales,
@@ -84,6 +89,7 @@ from fingerlab.diagnosis.signals.segments import (
     segments_of,
     with_drive_sign,
 )
+from fingerlab.diagnosis.signals.tip_travel import tips_stick
 from fingerlab.effects.base import Effect, Shape
 from fingerlab.physics.motion import Motion, strongest_lines
 from fingerlab.rig.file import UNCHANGED, Intervention, Rig, intervention_of
@@ -144,7 +150,8 @@ class Reduction:
     @cached_property
     def sessions(self) -> tuple[Session, ...]:
         """The sessions in reduced units."""
-        return with_run_zeros(with_reading_errors(self._as_read, self.reading_errors), self.run_zeros)
+        corrected = with_reading_errors(self._as_read, self.reading_errors)
+        return with_run_zeros(with_run_zeros(corrected, self.seen_zeros), self.run_zeros)
 
     @cached_property
     def _as_read(self) -> tuple[Session, ...]:
@@ -154,6 +161,19 @@ class Reduction:
     def zero_in_the_air(self) -> float | None:
         """What the load cell reads where nothing touches it, in reduced units; None: no run tells."""
         return zero_in_the_air([run for session in self._as_read for run in session.runs])
+
+    @cached_property
+    def zeros_in_the_air(self) -> SeenZeros | None:
+        """How far the load cell's zeros are apart in the air; None: no runs tell, or none has to be told."""
+        runs = [run for session in self._as_read for run in session.runs]
+        if sum(run.phase == "contact" for run in runs) == len(self.seen_zeros):
+            return None
+        return zeros_in_the_air(runs)
+
+    @cached_property
+    def seen_zeros(self) -> RunZeros:
+        """The load cell's zero in each run in contact that shows it, beside what is taken off all runs."""
+        return zeros_while_clear(self._as_read, self.reading_errors)
 
     @property
     def reading_errors(self) -> ReadingErrors:
@@ -250,7 +270,8 @@ class Reduction:
             self._read_anew()
 
     def _read_anew(self) -> None:
-        for name in ("sessions", "pairs", "_usable", "_looked_at", "_stretches"):
+        of_bench, read = ("seen_zeros", "zeros_in_the_air"), ("_usable", "_looked_at", "_stretches")
+        for name in ("sessions", "pairs", *of_bench, *read):
             vars(self).pop(name, None)
         self._forget()
 
@@ -475,7 +496,7 @@ class Reduction:
             motion = known[0] if known is not None else next(segments_of(run, session.rig))
             beside = len(set(kinds)) == 2
             speed = self._speed if self.on_bench else 0.0
-            found = layout_of(motion.head(), session, effects, beside, speed)
+            found = layout_of(motion.head(), session, effects, beside, speed, self._tip_sticks)
             layouts[on_bench] = replace(found, scales=self.scales, late_torque=self.late_torque)
         return layouts
 
@@ -483,6 +504,11 @@ class Reduction:
     def _speed(self) -> float:
         """Of the fastest run, rad/s."""
         return fastest_speed([run for _, run in self.pairs])
+
+    @cached_property
+    def _tip_sticks(self) -> bool:
+        """Whether no run in contact shows a tip that slides."""
+        return tips_stick(self.pairs)
 
     def _reduced(
         self,

@@ -55,6 +55,7 @@ from fingerlab.diagnosis.settings import (
     STILL_LEFT,
 )
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
+from fingerlab.diagnosis.signals.load_cell_zero import SeenZeros
 from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import Row
 from fingerlab.rig.file import Rig
@@ -76,7 +77,15 @@ def settle_constants(reduction: Reduction, scorer: Scorer) -> Scorer:
         free = Scorer(replace(scorer.reduced, fixed={})) if scorer.reduced.fixed else scorer
         bare, rig = free.bare, reduction.sessions[0].rig
         reduction.settle(
-            find_constants(scorer.reduced, bare.model, bare.fit.values, bare.weights, rig, reduction.motions)
+            find_constants(
+                scorer.reduced,
+                bare.model,
+                bare.fit.values,
+                bare.weights,
+                rig,
+                reduction.motions,
+                seen=reduction.zeros_in_the_air,
+            )
         )
     return scorer if reduction.constants is None else scorer.with_constants(reduction.constants)
 
@@ -155,7 +164,9 @@ def likeliest_constants(
     found, rig, fitted = None, reduction.sessions[0].rig, last
     for _ in range(CONSTANTS_ROUNDS):
         of_model = fitted.model, fitted.fit.values, fitted.weights
-        again = find_constants(scorer.reduced, *of_model, rig, reduction.motions, alone=True)
+        again = find_constants(
+            scorer.reduced, *of_model, rig, reduction.motions, alone=True, seen=reduction.zeros_in_the_air
+        )
         if again is None or (found is not None and np.array_equal(found.spreads, again.spreads)):
             break
         found, beside = again, scorer.with_constants(again)
@@ -178,16 +189,22 @@ class Contrasts:
 
     ``pull`` (n, 5) is the gradient of the log density at no constant, ``information`` (n, 5, 5) minus its
     curvature, both over ``Row``; ``shares`` (n, 5, 5) what one unit of each source adds to the equations.
-    ``values`` are the independent values of the runs behind them.
+    ``values`` are the independent values of the runs behind them. ``seen`` is what the load cell shows of its
+    zeros in the air, where no law has a say; None: nothing.
     """
 
     pull: Array
     information: Array
     shares: Array
     values: float
+    seen: SeenZeros | None = None
 
     def at_most(self) -> float:
         """What no spreads can exceed: all that constants in every run would explain."""
+        shown = 0.0 if self.seen is None else 0.5 * self.seen.square / self.seen.resolved**2
+        return shown + self._explained_at_most()
+
+    def _explained_at_most(self) -> float:
         pull, information = self._of_sources(NOMINAL)
         inverse = np.linalg.pinv(information, hermitian=True, rcond=1e-9)
         return float(0.5 * np.einsum("ri,rij,rj->", pull, inverse, pull))
@@ -202,7 +219,8 @@ class Contrasts:
         pull = pull * spreads
         matrix = np.eye(len(spreads)) + information * np.outer(spreads, spreads)
         explained = np.einsum("ri,ri->", pull, np.linalg.solve(matrix, pull[:, :, None])[:, :, 0])
-        return float(0.5 * explained - 0.5 * np.linalg.slogdet(matrix)[1].sum())
+        shown = 0.0 if self.seen is None else self.seen.log_density(float(spreads[OF_FORCE]))
+        return shown + float(0.5 * explained - 0.5 * np.linalg.slogdet(matrix)[1].sum())
 
     def with_free_springs(self, spreads: Array) -> float:
         """The same with the stiffness of the springs as likely as may be: a zero acts through its spring."""
@@ -223,13 +241,14 @@ class Contrasts:
         return pull, shares.transpose(0, 2, 1) @ self.information @ shares
 
 
+OF_FORCE = SOURCES.index("endpoint_force")
 NOMINAL = np.ones(2)
 """Both joints' springs as stiff as the rig file says."""
 
 
 def find_constants(
     reduced: Reduced, model: Model, values: Array, weights: Weights, rig: Rig, motions: Sequence[int | None],
-    alone: bool = False,
+    alone: bool = False, seen: SeenZeros | None = None,
 ) -> RunConstants | None:  # fmt: skip
     """The constants that runs of these sessions have of their own; None: none that would matter.
 
@@ -239,6 +258,7 @@ def find_constants(
         alone: of groups in which no motion comes again, and of all where constants were found already and may
             not be all, take what the model misses on the average of every run for its constants; it has to
             explain all but those.
+        seen: how far the load cell's zeros are apart in the air; None: nobody knows.
     """
     known = dict(zip(model.index, map(float, values), strict=True))
     shares = {
@@ -253,11 +273,12 @@ def find_constants(
         _averages(model, values, g, weights[g.key], shares[g.key]) if averaged else one
         for g, one, averaged in zip(reduced.groups, found, lone, strict=True)
     ]
-    if not any(len(one.pull) for one in found):
+    pressing = any(g.in_contact for g in reduced.groups)
+    if not any(len(one.pull) for one in found) and not (pressing and seen is not None):
         return None
     columns = zip(*((one.pull, one.information, one.shares) for one in found), strict=True)
     pull, information, each = map(np.concatenate, columns)
-    spreads = likeliest_spreads(Contrasts(pull, information, each, sum(one.values for one in found)))
+    spreads = likeliest_spreads(Contrasts(pull, information, each, sum(one.values for one in found), seen))
     return RunConstants(spreads, shares, any(lone)) if spreads.any() else None
 
 

@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fingerlab.diagnosis.settings import FIRST_LOOK_S, FORCE_ZERO_RUNS, LEAST_FORCE_ZERO, ZERO_SPREADS
 from fingerlab.diagnosis.signals.scales import Scales
 from fingerlab.sessions.model import CHANNEL_UNITS, Array, Run, Session
 
@@ -53,7 +52,7 @@ ReadingErrors = Mapping[str, ReadingError]
 """Of some of ``CHANNELS``, those that have one."""
 
 RunZeros = Mapping[tuple[str, str], ReadingErrors]
-"""Of single runs, by session and name: the zero that an angle has in that run alone."""
+"""Of single runs, by session and name: the zero that a channel has in that run alone."""
 
 
 def with_run_zeros(sessions: Sequence[Session], zeros: RunZeros) -> tuple[Session, ...]:
@@ -107,29 +106,3 @@ def corrected(run: Run, name: str, values: Array) -> Array:
         rate = np.gradient(values, 1.0 / run.sample_rate_hz)
         found += error.lag * rate + error.lag_square * np.gradient(rate, 1.0 / run.sample_rate_hz)
     return np.asarray(found)
-
-
-def zero_in_the_air(runs: Sequence[Run]) -> float | None:
-    """What the load cell reads in runs in which nothing touches it, in its unit; None: none of them tells.
-
-    Zero, where that is no more than readings scatter from run to run, or nothing beside those in contact.
-    """
-    free = _medians([run for run in runs if run.phase == "on_air"])
-    if not len(free):
-        return None
-    zero = float(np.median(free))
-    spread = float(np.std(free)) if len(free) > 1 else 0.0
-    pressed = _medians([run for run in runs if run.phase == "contact"])
-    least = LEAST_FORCE_ZERO * float(np.median(np.abs(pressed - zero))) if len(pressed) else np.inf
-    return zero if abs(zero) > max(least, ZERO_SPREADS * spread) else 0.0
-
-
-def _medians(runs: Sequence[Run]) -> Array:
-    """Median reading of some of the runs, evenly among them; without those that hold none."""
-    read = [run for run in runs if run.has(FORCE)]
-    found = []
-    for run in read[:: -(-len(read) // FORCE_ZERO_RUNS) or 1]:
-        samples = run.load([FORCE], 0, int(FIRST_LOOK_S * run.sample_rate_hz))[FORCE]
-        samples = samples[np.isfinite(samples)]
-        found += [float(np.median(samples))] if len(samples) else []
-    return np.array(found)
