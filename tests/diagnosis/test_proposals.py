@@ -245,6 +245,24 @@ def test_a_wider_set_of_speeds_separates_viscous_from_coulomb(
     assert proposal["trajectory"]["frequency_hz"] != 0.2 or proposal["trajectory"]["kind"] != "sine"
 
 
+def test_a_run_is_foretold_with_the_nuisances_of_what_was_recorded(
+    judged: tuple[Session, Scorer, Evidence],
+) -> None:
+    """Of a fast rotor a trace of viscous friction is a smaller one, and a tip that sticks may hold more."""
+    session, scorer, evidence = judged
+    told = dict(scorer.reduced.layout.nuisances)
+    narrow = {**told, "trace_mcp": replace(told["trace_mcp"], typical=0.1 * told["trace_mcp"].typical)}
+    fitted = evidence.candidates[index(evidence, "viscous_friction")]
+    motion = finger_motion(made.RIG, -1, {**SINE, "amplitude_deg": 8.0}, fitted.values)
+    assert motion is not None
+    kinds = [run_kind(session, motion, [fitted.last_effect], nuisances=one) for one in (told, narrow)]
+    usual, smaller = (
+        next(u.parameter.typical for u in kind.model(fitted).unknowns if u.key == "trace_mcp")
+        for kind in kinds
+    )
+    assert smaller == pytest.approx(0.1 * usual)
+
+
 HEAT = 3.0
 
 

@@ -13,7 +13,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fingerlab.diagnosis import diagnose
 from fingerlab.sessions import check_session, open_session
+from tests.hidden.sweep.surroundings import open_varied, population, record_varied
 
 from .engine.bench import Bench, draw_bench
 from .engine.effects import EFFECTS
@@ -207,3 +209,13 @@ def test_the_bench_is_driven_as_a_device_of_one_s_own(monkeypatch: pytest.Monkey
     for _ in range(300):
         sample = device.exchange(0.0)
     assert abs(float(daq.load_cell.quantity(sample.raw[0]))) < 0.1
+
+
+def test_a_late_recording_is_not_taken_for_angles_behind_a_filter(tmp_path: Path) -> None:
+    """Two numbers of a reading leave a little less than one delay: 0.50 for 0.68 floors."""
+    (trial,) = population(11054, 1)
+    assert (trial.source, trial.effects) == ("engine", ("transport_delay",))
+    record_varied(trial, tmp_path / "late.h5")
+    found = diagnose([open_varied(trial, tmp_path / "late.h5")], with_curves=False)
+    assert found.final_model == ("transport_delay",)
+    assert not [one for one in found.bench if one.kind == "skew"]

@@ -34,7 +34,6 @@ from fingerlab.diagnosis.settings import (
     PROPOSAL_CANDIDATES,
     SETTLING_S,
 )
-from fingerlab.diagnosis.signals.scales import fastest_speed
 from fingerlab.physics.motion import Motion
 from fingerlab.sessions.model import Session
 
@@ -134,14 +133,14 @@ def _runs(
 ) -> Iterator[tuple[Proposal, PredictedRun]]:
     """Every run of the menu, as the model ``like`` would move, with the columns of all ``candidates``."""
     beside, kinds = not scorer.reduced.on_bench, dict[tuple[str, int, bool], RunKind]()
-    speed = 0.0 if beside else fastest_speed([run for session in sessions for run in session.runs])
+    nuisances = scorer.reduced.layout.nuisances
     before: tuple[Motion, Decimated] | None = None  # several changes are tried on one motion
     for proposal in menu(sessions, scorer.reduced, like.values):
         motion = proposal.motion
         name = motion.phase, motion.cable_sign, motion.intervention is None
         if name not in kinds:
             acting = effects_in(candidates, motion)
-            kinds[name] = run_kind(sessions[0], motion, acting, beside, speed)
+            kinds[name] = run_kind(sessions[0], motion, acting, beside, nuisances)
         if proposal.before is None:
             yield proposal, predict_run(motion, kinds[name])
             continue

@@ -53,6 +53,7 @@ from fingerlab.diagnosis.signals.conditions import kind_of
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
 from fingerlab.effects.base import Effect, Row
 from fingerlab.physics.motion import Motion
+from fingerlab.physics.parameter import Parameter
 from fingerlab.sessions.model import CABLE_NAMES, Array, Session
 
 
@@ -92,14 +93,17 @@ def run_kind(
     motion: Motion,
     effects: Sequence[Effect],
     beside_finger: bool = False,
-    speed: float = 0.0,
+    nuisances: Mapping[str, Parameter] | None = None,
 ) -> RunKind:
     """The kind of a run with this motion.
 
-    ``beside_finger``: of the motor alone, beside a finger's runs. ``speed``: of a motor alone, rad/s; see
-    :func:`~fingerlab.diagnosis.equations.parameters.nuisance_ranges`.
+    ``beside_finger``: of the motor alone, beside a finger's runs. ``nuisances``: as what was recorded has
+    them, which may tell how fast the machine turns or that no tip slides; None: by the rig alone.
     """
-    return RunKind(layout_of(motion.head(), session, effects, beside_finger, speed), _group(motion))
+    layout = layout_of(motion.head(), session, effects, beside_finger)
+    if nuisances is not None:
+        layout = replace(layout, nuisances=dict(nuisances))
+    return RunKind(layout, _group(motion))
 
 
 @dataclass(frozen=True)
