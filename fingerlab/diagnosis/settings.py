@@ -65,7 +65,8 @@ OFTEN_STILL = 0.01
 where fewer do."""
 LEAST_WAIT = 3
 """Samples in a row that read one count of an encoder, from which on its edges tell more than the count: two
-edges that are half a sample uncertain each, against a position anywhere in the count."""
+edges that are half a sample uncertain each, against a position anywhere in the count. At least half a period
+of the filters' cut-off, too."""
 USUAL_LAG_S, USUAL_LAG_SAMPLES = 0.002, 2.0
 """A motor's torque is logged later than its position by about so much, or so many samples: its current is
 filtered, a bus hands either on; assumed. Up to ten times as much is looked for."""

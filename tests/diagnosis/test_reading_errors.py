@@ -63,7 +63,7 @@ def test_a_bench_that_lacks_nothing_is_told_its_filter_alone(tmp_path: Path) -> 
 
 
 def test_a_zero_is_read_in_the_air_or_found_in_contact(tmp_path: Path) -> None:
-    """Of 0.3 N; where free runs hold no reading it is told by what the joints say."""
+    """Of 0.3 N; where free runs hold no reading it is seen before the tip is set down."""
     session = WAYS["tare"](recorded(tmp_path / "plain.h5", {}, 34))
 
     def without(run: Run) -> Run:
@@ -71,7 +71,7 @@ def test_a_zero_is_read_in_the_air_or_found_in_contact(tmp_path: Path) -> None:
         return run if run.phase == "contact" else replace(run, units=units)
 
     blind = replace(session, runs=tuple(map(without, session.runs)))
-    for one, told_by in ((session, "in free motion"), (blind, "as the joints tell in contact")):
+    for one, told_by in ((session, "in free motion"), (blind, "while the tip is clear of it")):
         found = diagnose([one], with_curves=False)
         assert found.verdict == "nothing_missing"
         zeros = [b.size for b in found.bench if (b.kind, b.channel) == ("zero", "endpoint_force")]

@@ -73,7 +73,9 @@ def find_reading_error(
     """
     best, given = models[0], models[-1]
     lacking = lacks_fit(best, NEARLY_RIGHT)
-    suspects = list(LATE_MOTION) if lacking else []
+    # Late angles and force, by one number, are the simpler error: what is missing beside them comes first.
+    late = any(choice.effect.special == "delay" for choice in best.choices)
+    suspects = list(LATE_MOTION) if lacking and (ended or not late) else []
     longer = len(best.choices) > len(given.choices) + 1
     suspects += [TORQUE_SCALE] if ended and (lacking or longer) else []
     suspects += ANGLE_READINGS if ended and lacks_fit(best, 2.0 * LEAST_FALL) else []
@@ -83,12 +85,12 @@ def find_reading_error(
     if not suspects:
         return None
     tried = [one for model in _nearest(models, lacking) for one in _beside(reduction, model, suspects)]
+    if late and lacking and ended:
+        tried += _beside(reduction, best, LATE_MOTION, instead_of_delay=True)
 
     def explains_all(one: _Tried) -> bool:
         left = min((1.0 - LAG_SHARE) * given.misfit, best.misfit)
-        if any(choice.effect.special == "delay" for choice in best.choices):
-            # Late angles and force, by one number, are the simpler error.
-            left = min(left, HALF_LEFT * best.misfit, best.misfit - LEAST_FALL_BEYOND * best.count)
+        left -= LEAST_FALL_BEYOND * best.count if late else 0.0
         return one.without is given and one.fitted.misfit < left
 
     def leaves_far_less(one: _Tried) -> bool:
@@ -149,10 +151,16 @@ def _simplest(reduction: Reduction, tried: _Tried) -> tuple[Suspect, FittedModel
     return simplest.suspect, simplest.fitted
 
 
-def _beside(reduction: Reduction, model: FittedModel, suspects: Sequence[Suspect]) -> list[_Tried]:
-    """The model with each of the errors alone; beside one that is known it may be less as well."""
+def _beside(
+    reduction: Reduction, model: FittedModel, suspects: Sequence[Suspect], instead_of_delay: bool = False
+) -> list[_Tried]:
+    """The model with each of the errors alone; beside one that is known it may be less as well.
+
+    ``instead_of_delay``: where the model has late angles and force.
+    """
     errors = [one.effect(either_way=one.channel in reduction.reading_errors) for one in suspects]
     effects = [e for e in at_found_shapes(model) if not e.id.startswith(READING)]
+    effects = [e for e in effects if not (instead_of_delay and e.special == "delay")]
     scorer = Scorer(reduction.refined([*effects, *errors]))
     fits = (scorer.fit_reweighted([Choice(e) for e in (*effects, error)], model) for error in errors)
     each = zip(suspects, map(scorer.score_held_out, fits), strict=True)

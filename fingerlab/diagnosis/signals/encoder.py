@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from fingerlab.diagnosis.settings import LEAST_WAIT, OFTEN_STILL
+from fingerlab.diagnosis.settings import LEAST_WAIT, OFTEN_STILL, WIDE_CUTOFF_HZ
 from fingerlab.sessions.model import Array
 
 
@@ -20,24 +20,26 @@ def smallest_step(values: Array) -> float:
     return float(changes.min(where=moved, initial=np.inf)) if often and moved.any() else 0.0
 
 
-def between_counts(position: Array, step: float) -> Array:
+def between_counts(position: Array, step: float, rate: float) -> Array:
     """A position, (n,), put between the counts of its encoder by the times at which they change.
 
     A count that is read for several samples says when the position crossed its edges, far closer than where
     it is between them. What sticks at a reversal lets go over a few counts: read in whole ones, its friction
     is off by as much as there is of it. Through the edges, and how far the position went beyond the last one
     before it turned round, goes a monotone cubic. No position leaves the count that was read. Where counts
-    change faster the readings stay as they are: a mean of two would be a filter that no other channel has.
+    change faster than the filters pass, the readings stay as they are: what is off by turns is averaged out,
+    but edges half a sample early or late are not, and make the acceleration rough.
 
     Args:
-        position: as read. step: of the encoder, same unit; 0 where there is none.
+        position: as read. step: of the encoder, same unit; 0 where there is none. rate: samples a second.
     """
     new = np.flatnonzero(np.diff(position)) + 1
     if not step or len(new) < 2:
         return position
     begins, ends = np.append(0, new), np.append(new, len(position))
     lasts = (ends - begins).astype(float)
-    waits, change = lasts >= LEAST_WAIT, position[new] - position[new - 1]
+    least = max(LEAST_WAIT, 0.5 * rate / WIDE_CUTOFF_HZ)
+    waits, change = lasts >= least, position[new] - position[new - 1]
     one_count = np.abs(change) < 1.5 * step
     edges = one_count & (waits[:-1] | waits[1:])
     # A count's own reading stands where it changes at once, or by more than one.

@@ -172,7 +172,7 @@ def _without_gaps(run: Run, rig: Rig, start: int, stop: int, on_bench: bool, lea
                 _check_numbers(run, name, mine[name], start - lead + piece.start)
             mine[name], spikes, repeated = _repaired(mine[name], run.sample_rate_hz, its_lead)
             if name == "motor_position":
-                mine[name] = between_counts(mine[name], step)
+                mine[name] = between_counts(mine[name], step, run.sample_rate_hz)
             repairs |= {(REPEATED, name): repeated} if repeated else {}
             spikes = spikes[spikes >= its_lead]
             repairs |= {(SPIKE, name): len(spikes)} if len(spikes) else {}
