@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from fingerlab.diagnosis.equations.parameters import spread_of, tie
+from fingerlab.diagnosis.score.fitted_model import at_bound
 from fingerlab.diagnosis.settings import ARM_RATIO_SPREADS, USUAL_RATIOS, USUAL_SPREAD
 from fingerlab.rig.file import Motor, Rig
 
@@ -76,3 +77,12 @@ def test_one_cable_alone_is_not_tied() -> None:
 def test_a_rig_file_may_know_its_finger_better() -> None:
     assert spread_of(Rig(None, Motor(), {"moment_arm": 0.03})) == 0.03
     assert spread_of(Rig(None, Motor())) == USUAL_SPREAD
+
+
+def test_a_value_between_its_bounds_stands_at_neither() -> None:
+    """An arm of 13 mm, thought to be from 2 to 40: six times the lower bound had passed for it."""
+    assert not at_bound(0.0129, 0.002, 0.04)
+    assert at_bound(0.002, 0.002, 0.04)
+    assert at_bound(0.04, 0.002, 0.04)
+    assert at_bound(-2.4999, -2.5, 2.5)
+    assert not at_bound(0.0, 0.0, 2.5)  # a bound of zero is a matter of sign

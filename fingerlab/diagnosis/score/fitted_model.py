@@ -48,7 +48,8 @@ class Sensitivity:
 
 def at_bound(value: float, low: float, high: float) -> bool:
     """Whether a value stands at one of its bounds; a bound of zero is a matter of sign."""
-    return any(bound != 0.0 and value / bound > AT_BOUND for bound in (low, high))
+    near_low, near_high = ((1.0 - AT_BOUND) * abs(bound) for bound in (low, high))
+    return (low != 0.0 and value < low + near_low) or (high != 0.0 and value > high - near_high)
 
 
 def at_assumed_bounds(fitted: FittedModel) -> list[str]:
