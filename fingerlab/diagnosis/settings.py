@@ -381,7 +381,7 @@ MODELS_BESIDE_ZEROS = 3
 springs that harden or slack one of the first two led to the law."""
 MOST_CORRECTIONS = 2
 """So many channels are corrected in turn; assumed."""
-FOLLOWING_ROUNDS, SETTLED_LAG = 3, 0.02
+CORRECTION_ROUNDS, SETTLED_LAG = 8, 0.02
 """Late angles and torques are corrected so often at most, until this share of the lag is left: their laws are
 not linear; assumed."""
 LEAST_FORCE_ZERO, ZERO_SPREADS = 0.02, 5.0
