@@ -102,7 +102,9 @@ def find_reading_error(
 
     def stands_for_others(one: _Tried) -> bool:
         fewer = len(one.without.choices) < len(best.choices)
-        return one.suspect is TORQUE_SCALE and fewer and not lacks_fit(one.fitted, NEARLY_RIGHT)
+        left = best.misfit + LEAST_FALL_BEYOND * best.count
+        about_as_much = one.fitted.misfit < left and not lacks_fit(one.fitted, NEARLY_RIGHT)
+        return one.suspect is TORQUE_SCALE and fewer and about_as_much
 
     def stands_for_a_law(one: _Tried) -> bool:
         much = min(HALF_LEFT * best.misfit, LEAST_FALL_BEYOND * best.count)
