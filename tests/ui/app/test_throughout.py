@@ -32,7 +32,7 @@ from fingerlab.ui.widgets.tables import FramedTicks
 from fingerlab.ui.widgets.theme import Appearance, apply_appearance
 
 from ..bench_hands import Rig
-from ..hands import child, invented_diagnosis
+from ..hands import child, invented_diagnosis, sideways
 from ..looking import cut_off
 
 SMALLEST = QSize(960, 540)
@@ -125,19 +125,6 @@ def test_buttons_at_the_side_are_whole_with_larger_letters(
     for name in names:
         button = child(window, QPushButton, name)
         assert button.width() >= button.sizeHint().width(), name
-
-
-LOW = QSize(1024, 700)
-
-
-def sideways(window: MainWindow) -> int:
-    """How far the tab in front scrolls sideways in a low window, px."""
-    window.resize(LOW)
-    for _ in range(3):
-        QApplication.processEvents()
-    room = window.work.currentWidget()
-    assert isinstance(room, QScrollArea)
-    return room.horizontalScrollBar().maximum()
 
 
 @pytest.mark.parametrize("key", ["acquire", "calibrate", "sessions", "fit", "predict"])
