@@ -1,20 +1,19 @@
-"""The user's own plots beside a page's own; where a window is too narrow for both, one of the two is shown."""
+"""The user's own plots beside a page's own; one of the two where a window is too narrow for both."""
 
 from __future__ import annotations
 
 from PySide6.QtCore import QEvent, QSize, Qt
 from PySide6.QtGui import QResizeEvent
-from PySide6.QtWidgets import QToolButton, QWidget
+from PySide6.QtWidgets import QPushButton, QWidget
 
 from .layout import Panes, described
 
 OWN_HELP = "Your own plots, or the others: the window is too narrow for both beside each other."
 
 
-def own_switch() -> QToolButton:
+def own_switch() -> QPushButton:
     """Stands with the page's buttons; seen only where there is no room for both."""
-    button = described(QToolButton(), "ownPlots", "Own plots", OWN_HELP)
-    button.setText("Own plots")
+    button = described(QPushButton("Own plots"), "ownPlots", tip=OWN_HELP)
     button.setCheckable(True)
     button.hide()
     return button
@@ -23,7 +22,7 @@ def own_switch() -> QToolButton:
 class BesidePlots(Panes):
     """A page's plots with the user's own at their right, or the one of them that ``switch`` asks for."""
 
-    def __init__(self, page: QWidget, own: QWidget, switch: QToolButton, widths: tuple[int, int]) -> None:
+    def __init__(self, page: QWidget, own: QWidget, switch: QPushButton, widths: tuple[int, int]) -> None:
         super().__init__("besidePlots", ((page, 3), (own, 1)), widths, Qt.Orientation.Horizontal)
         self._page, self._own, self._switch = page, own, switch
         self._any = False

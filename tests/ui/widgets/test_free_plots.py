@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from PySide6.QtCore import QPoint, Qt
 from PySide6.QtTest import QTest
-from PySide6.QtWidgets import QApplication, QCheckBox, QComboBox, QSplitter, QToolButton, QWidget
+from PySide6.QtWidgets import QApplication, QCheckBox, QComboBox, QPushButton, QSplitter, QToolButton, QWidget
 from pytestqt.qtbot import QtBot
 from scipy.signal import welch
 
@@ -171,11 +171,11 @@ def test_in_a_window_too_narrow_for_both_kinds_one_is_shown_at_a_time(larger_let
     rig.run(2.0)
     window.resize(1024, 700)
     QApplication.processEvents()
-    switch = child(window, QToolButton, "ownPlots")
+    switch = child(window, QPushButton, "ownPlots")
     assert not switch.isVisible()
     add_plot(window)
-    assert switch.isVisible() and switch.isChecked()
-    assert plots.free.isVisible() and not plots.isVisible()
+    assert [switch.isVisible(), switch.isChecked()] == [True, True]
+    assert [plots.free.isVisible(), plots.isVisible()] == [True, False]
     for model in ("none", "nominal"):
         rig.tab.toolbar.model_chosen.emit(model)
         rig.run(0.5)
@@ -192,13 +192,13 @@ def test_in_a_window_too_narrow_for_both_kinds_one_is_shown_at_a_time(larger_let
     window.resize(1600, 900)
     for _ in range(3):
         QApplication.processEvents()
-    assert plots.free.isVisible() and plots.isVisible() and not switch.isVisible()
+    assert [plots.free.isVisible(), plots.isVisible(), switch.isVisible()] == [True, True, False]
     assert plots.width() > 2 * plots.free.width()
     window.resize(1024, 700)
     for _ in range(3):
         QApplication.processEvents()
     QTest.mouseClick(child(window, QToolButton, "freeGone1"), LEFT)
-    assert plots.isVisible() and not switch.isVisible()
+    assert [plots.isVisible(), switch.isVisible()] == [True, False]
 
 
 def lissajous(file: h5py.File) -> None:
