@@ -42,7 +42,7 @@ STEPS_WIDTH = 152
 
 
 class LabView(QWidget):
-    """Steps at the left; plots above, candidates and evidence in the middle, error path below if there is room.
+    """Steps at the left; plots above, candidates and evidence in the middle, error path below where it fits.
 
     Signals ``report_asked``; ``looked_elsewhere``: another equation, run or time is shown.
     """
@@ -92,10 +92,8 @@ class LabView(QWidget):
         parts = ((upper, 11), (middle, 9), (self.fold, 4))
         self.panes = Panes("model_lab", parts, (360, 272, 100))
         self.steps.setFixedWidth(max(STEPS_WIDTH, self.steps.width_of_score()))
-        layout = hbox(self, margins=(8, 8, 8, 8), spacing=8)
-        left = vbox(None, self.steps, self.numbers, self.fold.link, Spacer(1))
-        layout.addLayout(left)
-        layout.addWidget(self.panes, 1)
+        self._column = vbox(None, self.steps, self.numbers, self.fold.link, Spacer(1))
+        hbox(self, self._column, (self.panes, 1), margins=(GAP, GAP, GAP, GAP), spacing=GAP)
 
     def _connect(self) -> None:
         self.steps.chosen.connect(self.go_to)
@@ -131,13 +129,12 @@ class LabView(QWidget):
 
     def _height(self, folded: bool) -> int:
         """What the parts beside the steps need above one another, px."""
-        margins, grip = self.layout().contentsMargins(), self.panes.handleWidth()
         parts = [self._upper.minimumSizeHint().height(), self._middle.minimumSizeHint().height()]
         parts += [] if folded else [self.fold.needed]
-        return sum(parts) + grip * (len(parts) - 1) + margins.top() + margins.bottom()
+        return sum(parts) + self.panes.handleWidth() * (len(parts) - 1) + 2 * GAP
 
     def minimumSizeHint(self) -> QSize:
-        column = self.layout().itemAt(0).minimumSize().height() + 2 * GAP
+        column = self._column.minimumSize().height() + 2 * GAP
         return QSize(super().minimumSizeHint().width(), max(self._height(folded=True), column))
 
     def resizeEvent(self, event: QResizeEvent) -> None:
@@ -160,7 +157,7 @@ class LabView(QWidget):
         shown = self.below.currentWidget() is self.fold.page
         if self.shows_parameters:
             self.leave_parameters()
-        self.below.setCurrentWidget(self.below.widget(0) if shown else self.fold.page)
+        self.below.setCurrentIndex(0 if shown else self.below.indexOf(self.fold.page))
 
     def refresh(self) -> None:
         """Show the controller's present diagnosis."""

@@ -143,7 +143,7 @@ def test_nor_does_the_model_lab_with_a_result(larger_letters, opened: MainWindow
 
 @pytest.mark.parametrize("step", ["compare", "where", "missing", "add", "true"])
 def test_a_low_model_lab_folds_its_error_path(larger_letters, opened: MainWindow, step: str) -> None:  # type: ignore[no-untyped-def]
-    """It had scrolled down by 61 to 82 px; what was below all is a page of its own there, with its buttons."""
+    """It had scrolled down by 61 to 82 px; what was below all is a page of its own there."""
     lab = opened.tab("model_lab").view
     QTest.mouseClick(lab.steps.button(step), Qt.MouseButton.LeftButton)
     assert sideways(opened) == 0
