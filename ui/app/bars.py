@@ -123,8 +123,8 @@ class FrameHeader(QWidget):
 
     def follow(self, rail: QWidget) -> None:
         """Have Tab go from the rail to the buttons here, then on to the work below."""
-        last = _by_tab(rail)[-1]
-        for button in _by_tab(self.own.currentWidget()):
+        last, shown = _by_tab(rail)[-1], self.own.currentWidget()
+        for button in _by_tab(shown) if shown is not None else ():
             QWidget.setTabOrder(last, button)
             last = button
 

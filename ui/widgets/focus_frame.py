@@ -9,7 +9,7 @@ from PySide6.QtGui import QColor, QFocusEvent, QPainter, QPaintEvent
 from .theme import colours_of
 
 if TYPE_CHECKING:
-    from PySide6.QtWidgets import QGraphicsView as _View
+    from pyqtgraph import GraphicsView as _View
 else:
     _View = object
 
