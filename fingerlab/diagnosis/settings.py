@@ -381,9 +381,13 @@ MODELS_BESIDE_ZEROS = 3
 springs that harden or slack one of the first two led to the law."""
 MOST_CORRECTIONS = 2
 """So many channels are corrected in turn; assumed."""
-FOLLOWING_ROUNDS, SETTLED_LAG = 3, 0.02
+CORRECTION_ROUNDS, SETTLED_LAG = 8, 0.02
 """Late angles and torques are corrected so often at most, until this share of the lag is left: their laws are
 not linear; assumed."""
+CLEAR_SAMPLES = 4
+"""Samples of the wide rate that are averaged before it is asked where the tip is; assumed."""
+LEAST_MOVED = 0.2
+"""Share of their mean that zeros are apart by, or they are told as one; assumed."""
 LEAST_FORCE_ZERO, ZERO_SPREADS = 0.02, 5.0
 """What a load cell reads with nothing on it is taken off from this share of its readings in contact on, twice
 what its span may be off by (FC2231 data sheet), and so many times what it scatters by; assumed."""

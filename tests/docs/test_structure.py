@@ -94,3 +94,18 @@ def test_no_class_name_stands_twice(structure: ModuleType) -> None:
                 if isinstance(node, ast.ClassDef):
                     named.setdefault(node.name, []).append(path.relative_to(ROOT).as_posix())
     assert {name: places for name, places in named.items() if len(places) > 1} == {}
+
+
+def test_every_tuned_number_has_a_name_of_its_own() -> None:
+    """A name given twice in the settings would quietly take the second value in both places."""
+    tree = ast.parse((ROOT / "fingerlab/diagnosis/settings.py").read_text(encoding="utf-8"))
+    names = [
+        name.id
+        for statement in tree.body
+        if isinstance(statement, ast.Assign | ast.AnnAssign)
+        for target in (statement.targets if isinstance(statement, ast.Assign) else [statement.target])
+        for name in ast.walk(target)
+        if isinstance(name, ast.Name)
+    ]
+    assert len(names) > 300
+    assert sorted(names) == sorted(set(names))

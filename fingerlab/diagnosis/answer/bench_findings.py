@@ -21,6 +21,7 @@ from fingerlab.diagnosis.settings import (
     AT_BOUND,
     BEYOND_TOLERANCE,
     FULL_ITERATIONS,
+    LEAST_MOVED,
     LEAST_SPIKES,
     LEFT_BEYOND_TOLERANCE,
     LONGEST_STRETCH_S,
@@ -300,10 +301,6 @@ def _shown(reduction: Reduction) -> list[BenchFinding]:
     said, advice = _moved_words(FORCE, spread, float(away.max()), worst, 0.0)
     said += ", as it reads while the tip is clear of it; that is taken off"
     return [BenchFinding("moving_zero", FORCE, spread, "N", (worst,), said, advice)]
-
-
-LEAST_MOVED = 0.2
-"""Share of their mean that zeros are apart by, or they are told as one; assumed."""
 
 
 def _moved(reduction: Reduction, offsets: Sequence[Offsets]) -> list[BenchFinding]:

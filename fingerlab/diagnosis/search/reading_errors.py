@@ -30,8 +30,9 @@ from fingerlab.diagnosis.search.suspects import (
     Suspect,
 )
 from fingerlab.diagnosis.settings import (
-    FOLLOWING_ROUNDS,
+    CORRECTION_ROUNDS,
     HALF_LEFT,
+    JOINT_SEARCH_LEVEL,
     LAG_SHARE,
     LEAST_FALL,
     LEAST_FALL_BEYOND,
@@ -94,7 +95,8 @@ def find_reading_error(
         return one.without is given and one.fitted.misfit < left
 
     def leaves_far_less(one: _Tried) -> bool:
-        told_soon = ended or one.suspect.channel == FORCE
+        # On a bench that lacks a dozen things anything looks late beside one of them: all come first.
+        told_soon = ended or (one.suspect.channel == FORCE and not lacks_fit(one.fitted, JOINT_SEARCH_LEVEL))
         share = HALF_LEFT if told_soon else 1.0 - LAG_SHARE
         return lacking and one.fitted.misfit < share * best.misfit
 
@@ -174,7 +176,7 @@ def _followed(reduction: Reduction, suspect: Suspect, found: FittedModel) -> boo
     """
     before = reduction.reading_errors
     error = before.get(suspect.channel, NO_ERROR).then(suspect.found_in(found))
-    for _ in range(FOLLOWING_ROUNDS if suspect in LATE_MOTION else 0):
+    for _ in range(CORRECTION_ROUNDS if suspect in LATE_MOTION else 0):
         reduction.correct_readings({**before, suspect.channel: error})
         (again,) = _beside(reduction, found, [suspect])
         found = again.fitted

@@ -15,6 +15,7 @@ import numpy as np
 
 from fingerlab.diagnosis.settings import (
     CLEAR_S,
+    CLEAR_SAMPLES,
     CLEAR_SLOPE,
     FIRST_LOOK_S,
     FORCE_ZERO_RUNS,
@@ -33,9 +34,6 @@ from fingerlab.diagnosis.signals.reading_errors import (
 from fingerlab.diagnosis.signals.tip_travel import tip_record
 from fingerlab.rig.file import Finger
 from fingerlab.sessions.model import Array, Run, Session
-
-CLEAR_SAMPLES = 4
-"""Samples of the wide rate that are averaged before it is asked where the tip is."""
 
 
 class SeenZeros(NamedTuple):
