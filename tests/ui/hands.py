@@ -7,10 +7,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from PySide6.QtCore import QMimeData, QPoint, QPointF, Qt, QUrl
+from PySide6.QtCore import QMimeData, QPoint, QPointF, QSize, Qt, QUrl
 from PySide6.QtGui import QAction, QDragEnterEvent, QDropEvent
 from PySide6.QtTest import QTest
-from PySide6.QtWidgets import QApplication, QPushButton, QWidget
+from PySide6.QtWidgets import QApplication, QPushButton, QScrollArea, QWidget
 from pytestqt.qtbot import QtBot
 
 from fingerlab.core.errors import Cancelled
@@ -26,6 +26,7 @@ from . import invented
 
 LEFT = Qt.MouseButton.LeftButton
 PATIENCE = 10_000
+LOW = QSize(1024, 700)
 
 
 def invented_diagnosis(
@@ -126,3 +127,13 @@ def review_of(qtbot: QtBot, window: MainWindow) -> ReviewPage:
     page = tab.review_page
     qtbot.waitUntil(lambda: page.session is not None and not page.data.busy, timeout=PATIENCE)
     return page
+
+
+def sideways(window: MainWindow) -> int:
+    """How far the tab in front scrolls sideways in a low window, px."""
+    window.resize(LOW)
+    for _ in range(3):
+        QApplication.processEvents()
+    room = window.work.currentWidget()
+    assert isinstance(room, QScrollArea)
+    return room.horizontalScrollBar().maximum()

@@ -183,7 +183,7 @@ class PlotToolbar(QWidget):
         self.model.setMinimumContentsLength(11)
         self.times = described(ElidedLabel(), "cursorTimes", accessible="Times of the cursors")
         self.differences = described(ElidedLabel(), "cursorText", accessible="At the cursors")
-        switches = (self.window_s, self.hold, self.cursors, self.trigger, self.arrange)
+        switches = (self.window_s, self.hold, self.cursors, self.trigger, self.arrange, plots.free.switch)
         row = WrappedRow((*switches, (self.times, 1), self.model))
         layout = QGridLayout(self)
         layout.setContentsMargins(8, 4, 8, 0)

@@ -40,8 +40,10 @@ GRIP = 5
 """Pixels from a cursor within which it is taken by the mouse."""
 
 LEAST_HEIGHT = 36
-"""Of the curves with their margins; less, and nothing is seen of them."""
+"""Of the curves with their margins; less, and nothing is seen of them. More where the unit is longer."""
 TICK_ROOM = 28
+WORDS_APART = 3
+"""px from the digits of a tick to those of the next."""
 TIME_TICK_ROOM = 80
 ZOOM = 1.2
 GRID_SHARE = 0.47
@@ -73,14 +75,15 @@ class Canvas(QWidget):
         self.setFocusPolicy(Qt.FocusPolicy.WheelFocus)
         self.setMouseTracking(True)
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
-        self.setMinimumHeight(LEAST_HEIGHT)
+        self._least_height = max(LEAST_HEIGHT, self._metrics.horizontalAdvance(unit) + 2 * TOP)
+        self.setMinimumHeight(self._least_height)
 
     # what is shown
 
     def show_time_axis(self, on: bool) -> None:
         """Whether times stand below, which takes room of its own."""
         self.time_axis = on
-        self.setMinimumHeight(LEAST_HEIGHT + (2 * self._metrics.height() if on else 0))
+        self.setMinimumHeight(self._least_height + (2 * self._metrics.height() if on else 0))
         self.update()
 
     def show_part(self, part: ShownPart) -> tuple[float, float]:
@@ -219,14 +222,16 @@ class Canvas(QWidget):
         painter.setPen(text)
         if self.time_axis:
             for value, words in round_ticks(*self.x_range, area.width() // TIME_TICK_ROOM):
-                room = QRect(round(self.x_of(value)) - 40, area.bottom() + 2, 80, height)
-                painter.drawText(room, Qt.AlignmentFlag.AlignHCenter, words)
+                wide = self._metrics.horizontalAdvance(words)
+                x = min(round(self.x_of(value) - wide / 2), self.width() - wide - 1)
+                painter.drawText(QRect(x, area.bottom() + 2, wide + 1, height), 0, words)
             room = QRect(area.left(), self.height() - height - 1, area.width(), height)
             painter.drawText(room, Qt.AlignmentFlag.AlignHCenter, "Time since connecting (s)")
         if not where.intersects(QRect(0, 0, LEFT, self.height())):
             return
         low, high = self.y_range
-        for value, words in round_ticks(low, high, area.height() // TICK_ROOM):
+        ticks = round_ticks(low, high, area.height() // TICK_ROOM)
+        for value, words in ticks[:: self._every(ticks, area.height() / (high - low))]:
             y = round(area.bottom() - (value - low) / (high - low) * area.height())
             room = QRect(16, min(max(y - height // 2, 0), self.height() - height), LEFT - 22, height)
             painter.drawText(room, Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter, words)
@@ -241,6 +246,17 @@ class Canvas(QWidget):
         painter.restore()
         painter.setPen(QColor(colours.muted))
         painter.drawLine(area.left() - 1, area.top(), area.left() - 1, area.bottom())
+
+    def _every(self, ticks: Sequence[tuple[float, str]], scale: float) -> int:
+        """Which of the ticks have words, so that these do not stand on one another: every first, second ...
+
+        Args:
+            scale: px a unit.
+        """
+        if len(ticks) < 2:
+            return 1
+        apart = (ticks[1][0] - ticks[0][0]) * scale
+        return max(math.ceil((self._metrics.capHeight() + WORDS_APART) / apart), 1)
 
     def _paint_line(self, painter: QPainter, area: QRect, line: CurvePoints, colour: QColor) -> None:
         if len(line.x) < 2:

@@ -132,7 +132,7 @@ class LivePlots(QWidget):
         Without a ``live`` device no reading is shown: the last one is none of now.
         """
         history = self.history
-        if history is None or not self.isVisible():
+        if history is None or not (self.isVisible() or self.free.isVisible()):
             return
         if not self.held:
             self._stop = self._live_stop(history)
@@ -173,7 +173,7 @@ class LivePlots(QWidget):
         assert self.history is not None
         start, stop = self.shown
         for pane in self.panes.values():
-            if not pane.isHidden():
+            if not (pane.isHidden() or self.isHidden()):
                 pane.show_part(self.history, start, stop)
 
     def _draw_free(self, in_turn: bool = False) -> None:

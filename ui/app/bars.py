@@ -76,6 +76,11 @@ class Lamp(QWidget):
         painter.end()
 
 
+def _by_tab(area: QWidget) -> list[QWidget]:
+    """What Tab goes to in it."""
+    return [w for w in area.findChildren(QWidget) if w.focusPolicy() & Qt.FocusPolicy.TabFocus]
+
+
 class FrameHeader(QWidget):
     """What it says is told it; what the STOP button does is in ``stop_guard.py``."""
 
@@ -115,6 +120,13 @@ class FrameHeader(QWidget):
         if self.own.indexOf(widget) < 0:
             self.own.addWidget(widget)
         self.own.setCurrentWidget(widget)
+
+    def follow(self, rail: QWidget) -> None:
+        """Have Tab go from the rail to the buttons here, then on to the work below."""
+        last, shown = _by_tab(rail)[-1], self.own.currentWidget()
+        for button in _by_tab(shown) if shown is not None else ():
+            QWidget.setTabOrder(last, button)
+            last = button
 
     def show_rig(self, line: RigLine) -> None:
         """State, what is running, and what is recorded."""

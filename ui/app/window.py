@@ -282,6 +282,7 @@ class MainWindow(QMainWindow):
         self.current = key
         self.rail.show_current(key)
         self.header.show_own(tab.header)
+        self.header.follow(self.rail)
         self.work.setCurrentWidget(self._rooms[key])
         self.menus.show_tab(self._entries[key].title, tab)
         self.settings.set_tab(key)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import QSignalBlocker, Qt
+from PySide6.QtGui import QFontMetrics
 from PySide6.QtWidgets import QComboBox, QDialog, QDialogButtonBox, QHeaderView, QLabel, QWidget
 
 from fingerlab.core.text import fixed, with_minus
@@ -17,7 +18,7 @@ from fingerlab.report.diagnosis_words import FAMILY_TITLES, in_sentence
 from fingerlab.report.recording_words import run_proposed
 
 from ..widgets.layout import described, hbox, resize_on_screen, vbox
-from ..widgets.plots import QuietPlot
+from ..widgets.plots import QuietPlot, bottom_axis_height
 from ..widgets.series import Series
 from ..widgets.tables import NumberTable, WholeLabel, remark
 from ..widgets.theme import colours_of, line, small_font
@@ -69,6 +70,8 @@ class BudgetPlot(QuietPlot):
         names = ["All of it", *(one.title for one in lines)]
         axis = plot.getAxis("left")
         axis.setTicks([[(count - k, name) for k, name in enumerate(names)], []])
+        line_height = QFontMetrics(small_font()).height()  # each name has one to itself on a low screen, too
+        self.setMinimumHeight((count + 2) * line_height + bottom_axis_height())
         axis.setWidth(max(map(self.fontMetrics().horizontalAdvance, names)) + NAME_ROOM)
         plot.setLabel("bottom", f"Squared error of the {in_sentence(FAMILY_TITLES[self._family])} (%)")
         places = [float(count), *(rows - 1)]

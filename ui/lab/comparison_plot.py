@@ -14,6 +14,7 @@ from fingerlab.diagnosis.answer.error_parts import Comparison, equation_of
 from fingerlab.diagnosis.answer.results import Failure
 from fingerlab.sessions.model import Array
 
+from ..widgets.focus_frame import FocusFrame
 from ..widgets.plots import (
     HELP,
     Cursor,
@@ -50,7 +51,7 @@ SHORTEST_VIEW = 0.05
 """Seconds; closer than a few samples there is nothing to see."""
 
 
-class ComparisonPlot(pg.GraphicsLayoutWidget):
+class ComparisonPlot(FocusFrame, pg.GraphicsLayoutWidget):
     """Two plots stacked. Keys: + and − zoom, ← and → move, Home shows all, F fits the heights to what is in
     view, C shows two cursors.
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from PySide6.QtCore import QEvent, QRectF, QSize, Qt, Signal
 from PySide6.QtGui import QBrush, QColor, QFontMetricsF, QHelpEvent, QPainter, QPaintEvent, QPen
-from PySide6.QtWidgets import QGridLayout, QLabel, QPushButton, QSizePolicy, QToolTip, QWidget
+from PySide6.QtWidgets import QBoxLayout, QGridLayout, QLabel, QPushButton, QSizePolicy, QToolTip, QWidget
 
 from fingerlab.core.text import r2_text, score_text
 from fingerlab.report.diagnosis_words import (
@@ -356,8 +356,20 @@ class PathPanel(QWidget):
         self.redo.setObjectName("redo")
         self.undo.clicked.connect(self.undo_asked)
         self.redo.clicked.connect(self.redo_asked)
-        buttons = vbox(None, Spacer(1), self.undo, self.redo, Spacer(1), spacing=8)
-        hbox(self, (self.path, 1), buttons, self.table, margins=FLUSH, spacing=8)
+        self._buttons = vbox(None, Spacer(1), self.undo, self.redo, Spacer(1), spacing=8)
+        self._parts = hbox(self, (self.path, 1), self._buttons, self.table, margins=FLUSH, spacing=8)
+
+    @property
+    def height_of_strip(self) -> int:
+        """What it needs with its parts side by side, px."""
+        parts = (self.path.minimumSizeHint(), self._buttons.minimumSize(), self.table.minimumSizeHint())
+        return max(part.height() for part in parts)
+
+    def stack(self, on: bool) -> None:
+        """Path, buttons and table above one another, each as wide as the page, or side by side."""
+        down, right = QBoxLayout.Direction.TopToBottom, QBoxLayout.Direction.LeftToRight
+        self._parts.setDirection(down if on else right)
+        self._buttons.setDirection(right if on else down)
 
     def show_first_look(self, history: ModelHistory, look: FirstLook) -> None:
         """Show what is known already of the model that is being diagnosed."""

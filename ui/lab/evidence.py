@@ -17,6 +17,7 @@ from fingerlab.report.diagnosis_words import FAMILY_TITLES, in_sentence, listed,
 from fingerlab.report.parameter_words import parameter_titles
 from fingerlab.sessions.model import Array
 
+from ..widgets.focus_frame import FocusFrame
 from ..widgets.layout import FLUSH, described, hbox, vbox
 from ..widgets.plots import bottom_axis_height, colour_plot, label_left, prepare_plot, span_of
 from ..widgets.series import Series
@@ -29,7 +30,7 @@ from .result_words import FLOOR_HELP, OUTCOME_TITLES, find_candidate, outcome_ex
 AXIS_WIDTH = 72
 
 
-class FingerprintPlot(pg.PlotWidget):
+class FingerprintPlot(FocusFrame, pg.PlotWidget):
     """Bins as points with their interval, the effect as a green curve, the floor as a grey band.
 
     Effects that cannot be told from it are dotted beside it.

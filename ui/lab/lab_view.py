@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from PySide6.QtCore import Signal
+from PySide6.QtCore import QEvent, QSize, Signal
+from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QPushButton, QStackedWidget, QWidget
 
 from fingerlab.core.errors import UserError
@@ -17,7 +18,7 @@ from fingerlab.report.budget_words import bin_words
 from fingerlab.report.diagnosis_words import not_shown
 from fingerlab.sessions.model import Array
 
-from ..widgets.layout import FLUSH, Panes, Spacer, described, hbox, vbox
+from ..widgets.layout import FLUSH, GAP, Panes, Spacer, described, hbox, vbox
 from ..widgets.theme import small_font
 from .candidates import CandidatesPanel
 from .comparison_bar import ComparisonBar, LegendRow
@@ -28,6 +29,7 @@ from .evidence import EvidencePanel
 from .lab_frame import BetterModelBanner, StepsColumn
 from .model_dialogs import ScorePartsDialog
 from .parameters import ParametersPanel
+from .path_fold import PathFold
 from .residual_profiles import ProfilePanel
 from .result_words import best_choice, find_candidate, step_results
 from .validation import ValidationPanel
@@ -40,7 +42,7 @@ STEPS_WIDTH = 152
 
 
 class LabView(QWidget):
-    """Steps at the left; plots above, candidates and evidence in the middle, error path below.
+    """Steps at the left; plots above, candidates and evidence in the middle, error path below where it fits.
 
     Signals ``report_asked``; ``looked_elsewhere``: another equation, run or time is shown.
     """
@@ -74,25 +76,24 @@ class LabView(QWidget):
         self.refresh()
 
     def _build(self) -> None:
-        upper = QWidget()
+        upper = self._upper = QWidget()
         vbox(upper, self.bar, self.legend, (self.plot, 1), margins=FLUSH, spacing=4)
         self.right = QStackedWidget()
         for panel in (self.evidence, self.where, self.validation):
             self.right.addWidget(panel)
-        middle = QWidget()
+        middle = self._middle = QWidget()
         beside = QWidget()
         hbox(beside, (self.candidates, 4), (self.right, 5), margins=FLUSH, spacing=16)
         self.below = QStackedWidget()
         for page in (beside, self.parameters):
             self.below.addWidget(page)
         vbox(middle, self.better, (self.below, 1), margins=(0, 4, 0, 4), spacing=4)
-        parts = ((upper, 11), (middle, 9), (self.path, 4))
+        self.fold = PathFold(self.path, self.below)
+        parts = ((upper, 11), (middle, 9), (self.fold, 4))
         self.panes = Panes("model_lab", parts, (360, 272, 100))
         self.steps.setFixedWidth(max(STEPS_WIDTH, self.steps.width_of_score()))
-        layout = hbox(self, margins=(8, 8, 8, 8), spacing=8)
-        left = vbox(None, self.steps, self.numbers, Spacer(1))
-        layout.addLayout(left)
-        layout.addWidget(self.panes, 1)
+        self._column = vbox(None, self.steps, self.numbers, self.fold.link, Spacer(1))
+        hbox(self, self._column, (self.panes, 1), margins=(GAP, GAP, GAP, GAP), spacing=GAP)
 
     def _connect(self) -> None:
         self.steps.chosen.connect(self.go_to)
@@ -115,6 +116,7 @@ class LabView(QWidget):
         self.validation.runs.run_chosen.connect(lambda run: self.bar.go_to(self.bar.equation() or "", run))
         self.validation.report_asked.connect(self.report_asked)
         self.numbers.clicked.connect(self.show_parameters)
+        self.fold.asked.connect(self.show_path)
         self.parameters.moved.connect(self._show_comparison)
         self.parameters.refit_asked.connect(self.controller.hold)
         self.parameters.closed.connect(self.leave_parameters)
@@ -122,6 +124,40 @@ class LabView(QWidget):
         self.controller.result_changed.connect(self.refresh)
         self.controller.activity_changed.connect(self._on_activity)
         self.controller.first_look_changed.connect(self._on_first_look)
+
+    # room
+
+    def _height(self, folded: bool) -> int:
+        """What the parts beside the steps need above one another, px."""
+        parts = [self._upper.minimumSizeHint().height(), self._middle.minimumSizeHint().height()]
+        parts += [] if folded else [self.fold.needed]
+        return sum(parts) + self.panes.handleWidth() * (len(parts) - 1) + 2 * GAP
+
+    def minimumSizeHint(self) -> QSize:
+        column = self._column.minimumSize().height() + 2 * GAP
+        return QSize(super().minimumSizeHint().width(), max(self._height(folded=True), column))
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        super().resizeEvent(event)
+        self._share_height()
+
+    def event(self, event: QEvent) -> bool:
+        done = super().event(event)
+        if event.type() == QEvent.Type.LayoutRequest:  # words that wrap need another height
+            self._share_height()
+        return done
+
+    def _share_height(self) -> None:
+        self.fold.fold(self.height() < self._height(folded=False))
+        if not self.fold.folded and self.below.currentWidget() is self.fold.page:
+            self.below.setCurrentIndex(0)
+
+    def show_path(self) -> None:
+        """The error path in place of the candidates where it is folded, or these again."""
+        shown = self.below.currentWidget() is self.fold.page
+        if self.shows_parameters:
+            self.leave_parameters()
+        self.below.setCurrentIndex(0 if shown else self.below.indexOf(self.fold.page))
 
     def refresh(self) -> None:
         """Show the controller's present diagnosis."""
@@ -249,6 +285,7 @@ class LabView(QWidget):
             return
         if self.shows_parameters:
             self.leave_parameters()
+        self.below.setCurrentIndex(0)
         self.right.setCurrentWidget({"true": self.validation, "where": self.where}.get(step, self.evidence))
         self._show_where()
         if step == "compare":

@@ -24,9 +24,10 @@ from PySide6.QtWidgets import (
 )
 
 from fingerlab.core.errors import UserError
+from fingerlab.report.diagnosis_words import effect_title, in_sentence
 
 from ..app.window import ask_to_run
-from ..widgets.layout import Spacer, described, hbox, resize_on_screen, vbox
+from ..widgets.layout import WrappedRow, described, hbox, resize_on_screen, vbox
 from ..widgets.tables import remark
 from .evidence import FingerprintPlot
 
@@ -93,13 +94,13 @@ class OwnEffects(QDialog):
         layout = QVBoxLayout(self)
         layout.setSizeConstraint(QLayout.SizeConstraint.SetNoConstraint)  # words may grow, the window stays
         top = hbox(None, (self.place, 1), self.choose)
-        beside = hbox(None, self.new, self.edit, self.trust, self.untrust, Spacer(1), self.forget)
+        beside = WrappedRow((self.new, self.edit, self.trust, self.untrust, self.forget))
         close = QDialogButtonBox(QDialogButtonBox.StandardButton.Close)
         close.rejected.connect(self.reject)
         layout.addWidget(remark(ABOUT))
         layout.addLayout(top)
         layout.addWidget(self.files, 1)
-        layout.addLayout(beside)
+        layout.addWidget(beside)
         layout.addWidget(self.problem)
         layout.addWidget(close)
         resize_on_screen(self, WIDTH, HEIGHT)
@@ -350,7 +351,8 @@ class DraftDialog(QDialog):
         law = self.chosen
         if law is not None:
             self.plot.show_fingerprint(law.fingerprint)
-            self.words.setText("\n".join(line.strip() for line in law.story.splitlines()))
+            story = law.told(lambda effect: in_sentence(effect_title(effect)))
+            self.words.setText("\n".join(line.strip() for line in story.splitlines()))
 
     def _ask(self) -> None:
         if self.chosen is not None:

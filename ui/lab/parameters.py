@@ -100,9 +100,12 @@ class ParametersPanel(QWidget):
         self.table.setWordWrap(False)
         self.table.verticalHeader().setDefaultSectionSize(QFontMetrics(small_font()).height() + ROOM)
         self.table.setMinimumHeight(4 * (QFontMetrics(small_font()).height() + ROOM))
-        header = self.table.horizontalHeaderItem(FROM)
-        if header is not None:
-            header.setTextAlignment(LEFT)
+        of_source = self.table.horizontalHeaderItem(FROM)
+        if of_source is not None:
+            of_source.setTextAlignment(LEFT)
+        header = self.table.horizontalHeader()
+        header.setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
+        header.setSectionResizeMode(FROM, QHeaderView.ResizeMode.Stretch)
         self.name = described(ElidedLabel(), "parameterName")
         self.slider = described(QSlider(Qt.Orientation.Horizontal), "parameterSlider")
         self.slider.setRange(0, STEPS)
@@ -149,9 +152,6 @@ class ParametersPanel(QWidget):
                     item.setData(Qt.ItemDataRole.UserRole, one.key)
                     self.table.setItem(row, column, item)
             self.table.setCurrentCell(0, 0)
-        header = self.table.horizontalHeader()
-        header.setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
-        header.setSectionResizeMode(FROM, QHeaderView.ResizeMode.Stretch)
         self._recompute()
 
     def comparison(self, shown: Comparison | None) -> Comparison | None:

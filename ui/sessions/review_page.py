@@ -82,7 +82,7 @@ class ReviewPage(QWidget):
         self._connect()
 
     def _build(self) -> None:
-        buttons = (self.strokes, self.heights, self.cursors, self.arrange, self.cut)
+        buttons = (self.strokes, self.heights, self.cursors, self.arrange, self.free.switch, self.cut)
         row = WrappedRow((self.back, (self.runs, 3), (self.over, 2), *buttons))
         top = QGridLayout()
         top.setContentsMargins(16, 8, 16, 0)

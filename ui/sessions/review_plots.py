@@ -15,6 +15,7 @@ from PySide6.QtWidgets import QWidget
 from fingerlab.library.reviewing import Cycles, Marker
 from fingerlab.sessions.model import Array
 
+from ..widgets.focus_frame import FocusFrame
 from ..widgets.plots import bottom_axis_height, colour_plot, label_left, move_by_key, prepare_plot
 from ..widgets.theme import colours_of, line
 from .review_data import CHANNELS, MARGIN, PANES, Layer, PaneSpec, limits_of
@@ -32,7 +33,7 @@ SMOOTH = 1
 that can be seen."""
 
 
-class ReviewPlots(pg.GraphicsLayoutWidget):
+class ReviewPlots(FocusFrame, pg.GraphicsLayoutWidget):
     """Keys: + and − zoom, ← and → move, Home shows the whole run.
 
     Signals:

@@ -144,6 +144,10 @@ COLUMNS = (
 )
 
 
+LEAST_PLOT = 144
+"""px; on a low screen the table gives way, which scrolls."""
+
+
 class TrendPlot(QuietPlot):
     """One number over days. Signal ``session_asked(name)``: a click on a session."""
 
@@ -155,6 +159,7 @@ class TrendPlot(QuietPlot):
         self._rows: list[Row] = []
         self._unit = ScreenUnit("", 1.0)
         super().__init__("trendPlot", "One number of the bench over days", parent)
+        self.setMinimumHeight(LEAST_PLOT)
         self.setToolTip(
             "A point is a session with its 90 % interval; a click marks it in the table behind. The shaded "
             "bands are the levels that the likeliest course has, with their 90 % intervals."

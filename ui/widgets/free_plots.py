@@ -17,8 +17,9 @@ from PySide6.QtWidgets import QCheckBox, QComboBox, QLabel, QPushButton, QSplitt
 from fingerlab.core.text import ScreenUnit
 from fingerlab.sessions.model import Array
 
+from .beside_plots import BesidePlots, own_switch
 from .fields import choice, form_menu
-from .layout import FLUSH, Panes, described, hbox, vbox
+from .layout import FLUSH, described, hbox, vbox
 from .series import envelope
 from .tables import remark
 
@@ -241,17 +242,17 @@ class FreePlots(QWidget):
         self.left_out: frozenset[str] = frozenset()
         self.plots: list[FreePlot] = []
         self._made = self._turn = 0
-        self._beside: Panes | None = None
+        self._beside: BesidePlots | None = None
+        self.switch = own_switch()
         self._keep: Callable[[str], None] = lambda _text: None
         self._stack = described(QSplitter(Qt.Orientation.Vertical, childrenCollapsible=False), "freeStack")
         self._stack.splitterMoved.connect(lambda *_: self._store())
         vbox(self, self._stack, margins=FLUSH)
         self.hide()
 
-    def beside(self, page: QWidget) -> QSplitter:
+    def beside(self, page: QWidget) -> BesidePlots:
         """The page's own plots with these at their right."""
-        parts, widths = ((page, 3), (self, 1)), (3 * WIDTH, WIDTH)
-        self._beside = Panes("besidePlots", parts, widths, Qt.Orientation.Horizontal)
+        self._beside = BesidePlots(page, self, self.switch, (3 * WIDTH, WIDTH))
         return self._beside
 
     def remember(self, settings: Settings, name: str) -> None:
@@ -279,6 +280,8 @@ class FreePlots(QWidget):
         """One more plot."""
         if len(self.plots) < MOST_PLOTS:
             self._add(*self._first)
+            if self._beside is not None:
+                self._beside.bring_forward()
             self._on_changed()
 
     def _add(self, up: str, across: str) -> None:
@@ -288,14 +291,20 @@ class FreePlots(QWidget):
         plot.removed.connect(self._remove)
         self.plots.append(plot)
         self._stack.addWidget(plot)
-        self.show()
+        self._show_if_any()
 
     def _remove(self, plot: FreePlot) -> None:
         self.plots.remove(plot)
         plot.setParent(None)  # the others take its place at once
         plot.deleteLater()
-        self.setVisible(bool(self.plots))
+        self._show_if_any()
         self._on_changed()
+
+    def _show_if_any(self) -> None:
+        if self._beside is not None:
+            self._beside.show_own(bool(self.plots))
+        else:
+            self.setVisible(bool(self.plots))
 
     def leave_out(self, key: str, out: bool) -> None:
         """Leave one of the page's own plots out, or show it again."""

@@ -14,6 +14,7 @@ from PySide6.QtWidgets import QWidget
 from fingerlab.core.text import ScreenUnit, with_minus
 from fingerlab.sessions.model import Array
 
+from .focus_frame import FocusFrame
 from .series import envelope
 from .theme import Colours, colours_of, line, small_font
 
@@ -236,7 +237,7 @@ AXIS_WIDTH = 60
 MARGIN = 0.08
 
 
-class QuietPlot(pg.PlotWidget):
+class QuietPlot(FocusFrame, pg.PlotWidget):
     """One plot that keeps quantity and unit on its axes and follows light and dark."""
 
     def __init__(

@@ -307,6 +307,7 @@ class NumberTable(QTableWidget):
         self.set_columns(columns, words)
         self.setFont(small_font())
         self.horizontalHeader().setFont(small_font())
+        self.horizontalHeader().setHighlightSections(False)  # bold words had been cut where a row is chosen
         self.verticalHeader().hide()
         self.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
         self.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -97,15 +97,23 @@ class DraftLaw:
 
     @property
     def story(self) -> str:
-        """Its terms, its error against those of the catalogue and of its own simpler forms, and its cause."""
-        beside = f" beside {', '.join(self.beside)}" if self.beside else ""
+        """All of it in words, with effects by their ids."""
+        return self.told(str)
+
+    def told(self, named: Callable[[str], str]) -> str:
+        """Its terms, its error against those of the catalogue and of its own simpler forms, and its cause.
+
+        Args:
+            named: id of an effect -> what it is called.
+        """
+        beside = f" beside {', '.join(map(named, self.beside))}" if self.beside else ""
         lines = [f"  {term.sentence}" for term in self.terms]
         lines.append(
             f"  error on runs left out{beside}: {self.score_before:.2f} without it, "
             f"{', '.join(f'{score:.2f}' for score in self.simpler)} floors with "
             + ("it" if len(self.terms) == 1 else "its first term, then each further one")
             + f"; the catalogue's best: {self.catalogue_score:.2f}"
-            + (f" ({self.catalogue})" if self.catalogue else "")
+            + (f" ({named(self.catalogue)})" if self.catalogue else "")
         )
         return "\n".join([*lines, f"  {self.cause}"])
 

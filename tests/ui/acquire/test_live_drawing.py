@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from PySide6.QtGui import QFontMetrics
+from pytestqt.qtbot import QtBot
 
+from fingerlab.ui.acquire.live_canvas import WORDS_APART, Canvas
 from fingerlab.ui.acquire.live_history import LiveHistory
 from fingerlab.ui.widgets.series import live_envelope, round_ticks
+from fingerlab.ui.widgets.theme import small_font
 
 
 @pytest.mark.parametrize(
@@ -20,6 +24,22 @@ from fingerlab.ui.widgets.series import live_envelope, round_ticks
 )
 def test_ticks_are_round_and_at_least_two(low: float, high: float, most: int, words: list[str]) -> None:
     assert [text for _, text in round_ticks(low, high, most)] == words
+
+
+@pytest.mark.parametrize(("share", "words"), [(2.0, 3), (0.9, 2), (0.4, 1)])
+def test_words_of_ticks_do_not_stand_on_one_another(qtbot: QtBot, share: float, words: int) -> None:
+    """In a low plot, as with larger letters, "10", "0" and "−10" had been one blot."""
+    canvas = Canvas("Torque residual", "mN m")
+    qtbot.addWidget(canvas)
+    ticks = round_ticks(-13.0, 13.0, 0)
+    needed = QFontMetrics(small_font()).capHeight() + WORDS_APART
+    assert len(ticks[:: canvas._every(ticks, share * needed / 10.0)]) == words
+
+
+def test_a_low_plot_has_room_for_its_unit(qtbot: QtBot) -> None:
+    canvas = Canvas("Torque residual", "a unit of many letters")
+    qtbot.addWidget(canvas)
+    assert canvas.minimumHeight() >= QFontMetrics(small_font()).horizontalAdvance("a unit of many letters")
 
 
 def test_a_spike_at_the_live_edge_is_drawn_and_buckets_do_not_move() -> None:

@@ -32,8 +32,8 @@ from fingerlab.ui.widgets.tables import FramedTicks
 from fingerlab.ui.widgets.theme import Appearance, apply_appearance
 
 from ..bench_hands import Rig
-from ..hands import child, invented_diagnosis
-from ..looking import cut_off
+from ..hands import child, invented_diagnosis, sideways
+from ..looking import cut_off, scrolling
 
 SMALLEST = QSize(960, 540)
 """A screen of 1920 x 1080 at 200 %."""
@@ -127,19 +127,6 @@ def test_buttons_at_the_side_are_whole_with_larger_letters(
         assert button.width() >= button.sizeHint().width(), name
 
 
-LOW = QSize(1024, 700)
-
-
-def sideways(window: MainWindow) -> int:
-    """How far the tab in front scrolls sideways in a low window, px."""
-    window.resize(LOW)
-    for _ in range(3):
-        QApplication.processEvents()
-    room = window.work.currentWidget()
-    assert isinstance(room, QScrollArea)
-    return room.horizontalScrollBar().maximum()
-
-
 @pytest.mark.parametrize("key", ["acquire", "calibrate", "sessions", "fit", "predict"])
 def test_no_tab_scrolls_sideways_with_larger_letters(larger_letters, make_window, key: str) -> None:  # type: ignore[no-untyped-def]
     window: MainWindow = make_window(tab=key)
@@ -152,6 +139,37 @@ def test_nor_does_the_model_lab_with_a_result(larger_letters, opened: MainWindow
     bar = opened.tab("model_lab").view.bar
     assert bar.row.rows == 2  # the error stands below the equations, all of it
     assert ", floor " in bar.error.text()
+
+
+@pytest.mark.parametrize("step", ["compare", "where", "missing", "add", "true"])
+def test_a_low_model_lab_folds_its_error_path(larger_letters, opened: MainWindow, step: str) -> None:  # type: ignore[no-untyped-def]
+    """It had scrolled down by 61 to 82 px; what was below all is a page of its own there."""
+    lab = opened.tab("model_lab").view
+    QTest.mouseClick(lab.steps.button(step), Qt.MouseButton.LeftButton)
+    assert sideways(opened) == 0
+    assert [*scrolling(opened), *cut_off(lab)] == []
+    assert not lab.path.isVisible()
+    link = child(opened, QPushButton, "showErrorPath")
+    assert link.text() == "Error path"
+    QTest.mouseClick(link, Qt.MouseButton.LeftButton)
+    QApplication.processEvents()
+    assert lab.path.undo.isVisible()
+    assert [*scrolling(opened), *cut_off(lab)] == []
+    assert lab.path.path.width() > 400  # with the titles of its bars
+    QTest.mouseClick(link, Qt.MouseButton.LeftButton)
+    assert lab.candidates.isVisible()
+    QTest.mouseClick(link, Qt.MouseButton.LeftButton)
+    opened.resize(1280, 800)
+    for _ in range(3):
+        QApplication.processEvents()
+    assert [lab.candidates.isVisible(), lab.path.isVisible(), link.isVisible()] == [True, True, False]
+    assert [*scrolling(opened), *cut_off(lab)] == []
+
+
+def test_parameters_have_whole_headings_with_larger_letters(larger_letters, opened: MainWindow) -> None:  # type: ignore[no-untyped-def]
+    opened.tab("model_lab").view.show_parameters()
+    assert sideways(opened) == 0
+    assert [*scrolling(opened), *cut_off(opened.tab("model_lab").widget)] == []
 
 
 def test_nor_does_a_rig_that_runs_and_what_can_be_spared_comes_back(larger_letters, rig: Rig) -> None:  # type: ignore[no-untyped-def]

@@ -11,8 +11,9 @@ import numpy as np
 import pyqtgraph as pg
 import pytest
 from PySide6.QtCore import Qt
+from PySide6.QtGui import QFontMetrics
 from PySide6.QtTest import QTest
-from PySide6.QtWidgets import QComboBox, QTableWidget
+from PySide6.QtWidgets import QApplication, QComboBox, QTableWidget
 from pytestqt.qtbot import QtBot
 
 from fingerlab.diagnosis.answer.error_parts import Budget, BudgetPart
@@ -23,6 +24,7 @@ from fingerlab.ui.app.window import MainWindow
 from fingerlab.ui.lab.budget import BudgetPlot
 from fingerlab.ui.lab.error_path import ErrorPath
 from fingerlab.ui.widgets.plot_figure import Paper, save_plot
+from fingerlab.ui.widgets.theme import small_font
 
 from .. import invented
 from ..hands import child, invented_diagnosis, lab_of, wait_for_result
@@ -87,6 +89,17 @@ def test_bars_follow_one_another_and_the_table_adds_up(window: MainWindow) -> No
     assert sum(shares) == pytest.approx(100.0, abs=1e-9)
     assert table.item(0, 2).text() == "50 to 70, mean 60"
     assert table.item(1, 4).text() == ""  # what mends nothing has no advice
+
+
+def test_on_a_low_screen_each_bar_has_a_line_for_its_name(window: MainWindow) -> None:
+    """At 400 px, as a small screen at 200 % has, the names had been written over one another."""
+    QTest.keyClick(lab_of(window).view.candidates.view, Qt.Key.Key_F7, Qt.KeyboardModifier.ShiftModifier)
+    plot = child(window, BudgetPlot, "budgetPlot")
+    plot.window().resize(1040, 360)
+    QApplication.processEvents()
+    low, high = plot.getPlotItem().getViewBox().viewRange()[1]
+    apart = plot.getPlotItem().getViewBox().height() / (high - low)
+    assert apart >= QFontMetrics(small_font()).ascent()
 
 
 def test_what_the_verdict_holds_for_nothing_is_not_worth_mending() -> None:

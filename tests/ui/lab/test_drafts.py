@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from PySide6.QtWidgets import QFileDialog, QLabel, QListWidget
+from PySide6.QtWidgets import QApplication, QFileDialog, QLabel, QListWidget
 from pytestqt.qtbot import QtBot
 
 from fingerlab.diagnosis.draft.laws import DraftLaw
@@ -15,6 +15,7 @@ from fingerlab.ui.lab.evidence import FingerprintPlot
 from fingerlab.ui.lab.own_effects import DraftDialog, EffectEditor, OwnEffects
 
 from ..hands import child, click, invented_diagnosis, lab_of, wait_for_result
+from ..looking import cut_off
 from .invented_law import invented_law
 
 pytestmark = pytest.mark.qt_log_ignore("This plugin does not support")
@@ -53,6 +54,7 @@ def test_drafted_looked_at_and_made_an_own_effect(
     words = child(dialog, QLabel, "draftWords")
     assert "times square of motor speed" in words.text()
     assert "grows with speed" in words.text()
+    assert "the catalogue's best: 1.90 (viscous friction in motor and gearbox)" in words.text()
     assert dialog.findChild(FingerprintPlot).fingerprint is LAWS[0].fingerprint
     listed.setCurrentRow(1)
     assert "torque at the PIP joint" in words.text()
@@ -76,3 +78,14 @@ def test_drafted_looked_at_and_made_an_own_effect(
     again = lab.pages.findChildren(DraftDialog)[-1]
     assert not again.own.isVisible()
     again.close()
+
+
+def test_buttons_of_own_effects_are_whole_with_larger_letters(larger_letters, qtbot: QtBot) -> None:  # type: ignore[no-untyped-def]
+    """ "Forget folder and files" had lost its first letter and its last."""
+    dialog = OwnEffects(None, "")
+    qtbot.addWidget(dialog)
+    dialog.show()
+    for _ in range(3):
+        QApplication.processEvents()
+    assert cut_off(dialog) == []
+    assert dialog.forget.width() >= dialog.forget.sizeHint().width()

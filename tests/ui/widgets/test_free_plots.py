@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from PySide6.QtCore import QPoint, Qt
 from PySide6.QtTest import QTest
-from PySide6.QtWidgets import QCheckBox, QComboBox, QSplitter, QToolButton, QWidget
+from PySide6.QtWidgets import QApplication, QCheckBox, QComboBox, QPushButton, QSplitter, QToolButton, QWidget
 from pytestqt.qtbot import QtBot
 from scipy.signal import welch
 
@@ -20,8 +20,8 @@ from fingerlab.ui.sessions.review_page import ReviewPage
 from fingerlab.ui.widgets.free_plots import FreePlots, PlotsButton
 
 from ..bench_hands import Rig, opener, tabs_with
-from ..hands import LEFT, PATIENCE, child, review_of
-from ..looking import look
+from ..hands import LEFT, PATIENCE, child, review_of, sideways
+from ..looking import cut_off, look
 
 pytestmark = pytest.mark.qt_log_ignore("This plugin does not support")
 
@@ -162,6 +162,43 @@ def test_a_live_loop_and_a_spectrum_follow_the_bench_and_are_kept(
     for name in ("displacement", "torque", "force"):
         tick(again.window, name)
     assert kept.none_seen.isVisible()
+
+
+def test_in_a_window_too_narrow_for_both_kinds_one_is_shown_at_a_time(larger_letters, rig: Rig) -> None:  # type: ignore[no-untyped-def]
+    """Live plots, plots of one's own and the side panel had asked for 138 to 199 px more than there were."""
+    window, plots = rig.window, rig.tab.plots
+    rig.start()
+    rig.run(2.0)
+    window.resize(1024, 700)
+    QApplication.processEvents()
+    switch = child(window, QPushButton, "ownPlots")
+    assert not switch.isVisible()
+    add_plot(window)
+    assert [switch.isVisible(), switch.isChecked()] == [True, True]
+    assert [plots.free.isVisible(), plots.isVisible()] == [True, False]
+    for model in ("none", "nominal"):
+        rig.tab.toolbar.model_chosen.emit(model)
+        rig.run(0.5)
+        for own in (True, False):
+            if switch.isChecked() != own:
+                QTest.mouseClick(switch, LEFT)
+            assert sideways(window) == 0
+            assert [plots.free.isVisible(), plots.isVisible()] == [own, not own]
+            assert cut_off(rig.tab.widget) == []
+    QTest.mouseClick(switch, LEFT)
+    before = plots.free.plots[0].curve()[0][-1]
+    rig.run(0.4)
+    assert plots.free.plots[0].curve()[0][-1] != before, "they stood still while the live ones were not seen"
+    window.resize(1600, 900)
+    for _ in range(3):
+        QApplication.processEvents()
+    assert [plots.free.isVisible(), plots.isVisible(), switch.isVisible()] == [True, True, False]
+    assert plots.width() > 2 * plots.free.width()
+    window.resize(1024, 700)
+    for _ in range(3):
+        QApplication.processEvents()
+    QTest.mouseClick(child(window, QToolButton, "freeGone1"), LEFT)
+    assert [plots.isVisible(), switch.isVisible()] == [True, False]
 
 
 def lissajous(file: h5py.File) -> None:
