@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -11,12 +13,13 @@ from fingerlab.diagnosis.fit.solver import Fitter
 from fingerlab.diagnosis.gram.decimation import rest_moments, stuck_moments
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.score.selection import contact_penalty
-from fingerlab.diagnosis.settings import CONTACT_PENALTY, NARROW_RATE_HZ, WIDE_RATE_HZ
+from fingerlab.diagnosis.settings import CONTACT_PENALTY, NARROW_RATE_HZ, SETTLING_S, WIDE_RATE_HZ
 from fingerlab.diagnosis.signals.filters import decimate
 from fingerlab.effects import CATALOGUE
 from fingerlab.effects.base import Row
 from fingerlab.physics.motion import Motion
 from fingerlab.rig.file import Motor
+from fingerlab.sessions.model import Run
 from tests.reduced import reduce_sessions
 
 from . import closed_form as made
@@ -137,3 +140,21 @@ def test_how_a_tip_rubs_is_held_against_a_lean_and_not_against_a_span(scorer: Sc
     assert charges == {
         "load_cell_gain": 0.0, "contact_angle": CONTACT_PENALTY, "contact_compliance": CONTACT_PENALTY
     }  # fmt: skip
+
+
+@pytest.mark.parametrize("cycles", [10, 20])
+def test_what_is_held_again_in_every_cycle_is_one_standstill(cycles: int) -> None:
+    """A motor that turns in a tenth of a second and stands for 0.4 s at either end, once a second."""
+    stroke, time = 0.1, np.arange(0.0, cycles + SETTLING_S, 1.0 / made.RATE)
+    number, into = np.divmod(time, 0.5)
+    way = 0.5 - 0.5 * np.cos(np.pi * np.minimum(into / stroke, 1.0))
+    position = np.where(number % 2 == 0, way, 1.0 - way)
+    noise = np.random.default_rng(3).normal(scale=1e-4, size=(2, len(time)))
+    run = Run.from_arrays(
+        {"motor_position": position + noise[0], "motor_torque": 0.02 * position + noise[1], "time": time},
+        name="001", phase="motor_bench", cable="none", sample_rate_hz=made.RATE,
+        trajectory={"kind": "sine", "frequency_hz": 1.0},
+    )  # fmt: skip
+    (group,) = reduce_sessions([replace(made.session(made.Bench(), 2), runs=(run,))], []).groups
+    assert group.whole.rest_samples > 4 * cycles
+    assert group.whole.standstills == pytest.approx(2.0, abs=0.1)

@@ -44,15 +44,17 @@ from fingerlab.sessions.model import Array, IntArray, Run, Session
 from fingerlab.sessions.trajectory import commanded_frequency, found_frequency
 
 
-def repeating_bases(low: Decimated, run: Run, seek: bool = False) -> tuple[Array, Array] | None:
+def repeating_frequency(low: Decimated, run: Run, seek: bool = False) -> float | None:
+    """Cycles a second that a stretch may repeat, Hz; ``seek`` where the run does not tell; None: none."""
+    frequency = commanded_frequency(run)
+    return _sought(low, run) if frequency is None and seek else frequency
+
+
+def repeating_bases(low: Decimated, frequency: float | None) -> tuple[Array, Array] | None:
     """What a stretch may repeat: bases of its cycle, (n, harmonics), and of a slow trend, (n, degrees).
 
-    ``seek`` a cycle in the motion itself where the run does not tell it. None where there is no cycle that
-    repeats often enough.
+    None where there is no cycle that repeats often enough.
     """
-    frequency = commanded_frequency(run)
-    if frequency is None and seek:
-        frequency = _sought(low, run)
     if frequency is None:
         return None
     count = int(np.ceil(0.5 * NARROW_RATE_HZ / frequency)) - 1
@@ -159,7 +161,8 @@ def run_sums(
         result.repairs.update(motion.repairs)
         result.samples += (len(motion.time) - motion.lead) * run.sample_rate_hz / motion.sample_rate_hz
         live = np.ascontiguousarray(low.columns.T[low.live])
-        repeating = repeating_bases(low, run, asked.seek_cycle)
+        frequency = repeating_frequency(low, run, asked.seek_cycle)
+        repeating = repeating_bases(low, frequency)
         if repeating is None:
             for split, part, totals in _products_by_split(low, live, asked.in_parts):
                 result.add(Part(low.live + asked.start, part, totals, split=split))
@@ -169,13 +172,14 @@ def run_sums(
                 result.state_products += signal_products(low)
         else:
             part, totals = _products(low, live)
+            part.standstills = _different(part.standstills, low, frequency)
             cyclic, trend = live @ repeating[0], live @ repeating[1]
             noise = part.products - cyclic @ cyclic.T
             result.add(Part(low.live + asked.start, part, totals, noise, len(low.time) - cyclic.shape[1]))
             result.trends.append((low.live + asked.start, trend))
-            frequency = commanded_frequency(run)
-            if frequency is not None:
-                stretch = frequency, float(low.time[0]), float(low.time[-1]), len(low.time)
+            told = commanded_frequency(run)
+            if told is not None:
+                stretch = told, float(low.time[0]), float(low.time[-1]), len(low.time)
                 result.cycles.append(Cycle(stretch, low.live + asked.start, cyclic))
         of_a_step = motion.position_step**2 / 12.0
         result.encoder_variance = finer_of(result.encoder_variance, motion.radius**2 * of_a_step)
@@ -242,6 +246,12 @@ def _products(low: Decimated, live: Array, of: IntArray | None = None) -> tuple[
         int(np.count_nonzero(begins)),
     )
     return sums, np.stack([signals.sum(axis=1) for signals in (live, loose, still)])
+
+
+def _different(standstills: float, low: Decimated, frequency: float | None) -> float:
+    """How many of a stretch's standstills are not the same ones of another cycle; at least one, if any."""
+    cycles = (frequency or 0.0) * float(low.time[-1] - low.time[0])
+    return min(standstills, max(standstills / max(cycles, 1.0), 1.0))
 
 
 Grid = tuple[str, Sequence[Shape]]

@@ -32,7 +32,7 @@ class Sums:
 
     ``products`` (signals, signals) counts all samples, ``slack`` those where the cable may be slack (None:
     there are none), ``rest`` those where the motor stands and the cable is taut: ``rest_samples`` of them, in
-    so many ``standstills``.
+    so many different ``standstills``: one that comes again in each cycle of a motion is one.
     """
 
     products: Array
@@ -41,7 +41,7 @@ class Sums:
     slack_samples: int = 0
     rest: Array | None = None
     rest_samples: int = 0
-    standstills: int = 0
+    standstills: float = 0.0
     runs: list[str] = field(default_factory=list)  # names of the runs that hold the samples
     totals: list[RunTotals] = field(default_factory=list)  # of every one of them
 

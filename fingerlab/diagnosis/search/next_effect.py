@@ -57,16 +57,22 @@ class ScoreTest:
 
     def __init__(self, data: Data, base: FittedModel) -> None:
         model, values = base.model, base.fit.values
-        self.layout = model.layout
+        self.layout, self.missed = model.layout, base.fit.cost
         fitter = Fitter(model, data, base.weights)
         # As the sums of single features, which hold all of every run.
         fitter.set_friction_weights(values, apart=False)
         gradient, information = fitter.normal_equations(values)
-        # Unknowns that stand at a bound and are pushed out of it stay where they are.
+        # Unknowns that stand at a bound and are pushed out of it stay where they are, or come back beside an
+        # effect: what is missing may have pushed them there.
         held = ((values <= model.low) & (gradient > 0)) | ((values >= model.high) & (gradient < 0))
-        self.free = np.flatnonzero(~held)
+        self.free, self.held = np.flatnonzero(~held), np.flatnonzero(held)
         self.inverse = np.linalg.pinv(information[np.ix_(self.free, self.free)], hermitian=True)
         self.gradient = gradient[self.free]
+        across = information[np.ix_(self.free, self.held)]
+        self.taken = self.inverse @ across
+        self.slope = gradient[self.held] - self.taken.T @ self.gradient
+        self.curvature = information[np.ix_(self.held, self.held)] - across.T @ self.taken
+        self.room = (model.low - values)[self.held], (model.high - values)[self.held]
         self.groups = []
         for i, group in enumerate(data.groups):
             raw, clean = data.raw(i, None), data.noiseless[i]
@@ -76,12 +82,12 @@ class ScoreTest:
             h, jacobian = model.coefficients(values, group)
             every = self.layout.every
             pull = clean.across(h[None], model.pick, weights, every)[0]
-            cross = raw.across(jacobian[:, self.free].T, model.pick, weights, every)
+            cross = raw.across(jacobian.T, model.pick, weights, every)
             own = data.by_constants(i, None, fitter.equation_weights(i), (model.pick, every))
             if own is not None:
                 posterior_covariance, (mine, theirs) = own
                 of_all = schur_complement(mine, posterior_covariance, theirs)
-                pull, cross = pull - h @ of_all, cross - jacobian[:, self.free].T @ of_all
+                pull, cross = pull - h @ of_all, cross - jacobian.T @ of_all
             unit = model.unit_coefficients(values, group)
             taken = None if own is None else (own[0], own[1][1])
             self.groups.append((raw, weights, pull, cross, unit, taken))
@@ -106,6 +112,17 @@ class ScoreTest:
         others = [places for places in kinds.values() if taken not in places]
         return [max(places, key=lambda i: self.gain(effect, i)) for places in others]
 
+    def best_of_possible(self, effect: Effect, taken: int) -> list[int]:
+        """The best grid point that promises no more than all that is missed, if that of ``taken`` does.
+
+        Where a joint hardly moves, what else could be there goes far beyond its bounds in one step.
+        """
+        if self.gain(effect, taken) <= self.missed:
+            return []
+        gains = {i: self.gain(effect, i) for i in range(len(effect.shapes))}
+        possible = [i for i, gain in gains.items() if gain <= self.missed]
+        return [max(possible, key=lambda i: gains[i])] if possible else []
+
     def gain(self, effect: Effect, shape: int) -> float:
         """By how much the cost (minus twice the log posterior) falls in one step of the effect's gains."""
         places = self.layout.indices(effect.id, shape)
@@ -115,7 +132,7 @@ class ScoreTest:
         gains = [within[name] for name in names]
         curvature = np.diag([WEAK_PRIOR / g.typical**2 for g in gains])
         slope = np.zeros(len(gains))
-        shared = np.zeros((len(self.free), len(gains)))
+        shared = np.zeros((len(self.free) + len(self.held), len(gains)))
         theirs = self.layout.every[places]
         for raw, weights, pull, cross, unit, own in self.groups:
             columns = pick * unit[places][:, None]
@@ -125,12 +142,17 @@ class ScoreTest:
             curvature += columns.T @ among @ columns
             slope += pull[places] @ columns
             shared += cross[:, places] @ columns
+        shared, back = shared[self.free], shared[self.held]
         taken = self.inverse @ shared
         curvature -= shared.T @ taken
         slope -= taken.T @ self.gradient
-        zero = np.zeros(len(gains))
         low, high = np.array([g.low for g in gains]), np.array([g.high for g in gains])
-        step = bounded_step(zero, slope, curvature, low, high)
+        if len(self.held):
+            back = back - self.taken.T @ shared
+            curvature = np.block([[curvature, back.T], [back, self.curvature]])
+            slope = np.concatenate((slope, self.slope))
+            low, high = np.concatenate((low, self.room[0])), np.concatenate((high, self.room[1]))
+        step = bounded_step(np.zeros(len(slope)), slope, curvature, low, high)
         return float(-2 * slope @ step - step @ curvature @ step)
 
 
@@ -171,6 +193,7 @@ def screen(
         fitted = scorer.fit([*given, Choice(effect, point.shape)], start, iterations)
         if point.gain < np.inf:
             others = test.best_of_other_kinds(effect, point.shape)
+            others += [i for i in test.best_of_possible(effect, point.shape) if i not in others]
             tried = [scorer.fit([*given, Choice(effect, i)], base, SCREEN_ITERATIONS) for i in others]
             fitted = min([fitted, *tried], key=_cost)
         # Without the effect the tip may have seemed to do what it does not.
