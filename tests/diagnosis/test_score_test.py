@@ -58,3 +58,12 @@ def test_a_point_that_promises_more_than_is_missed_is_not_the_only_one_tried(sco
     assert test.best_of_possible(STOP, int(best)) == [int(second)]
     test.missed = -1.0
     assert test.best_of_possible(STOP, int(best)) == []
+
+
+@pytest.mark.filterwarnings("error")
+def test_what_the_model_explains_entirely_promises_nothing(scorer: Scorer) -> None:
+    """The effect beside itself: what is left of its curvature is rounding, whose root had been taken."""
+    with_it = scorer.fit_reweighted([Choice(STOP, 5)], scorer.bare)
+    test = ScoreTest(scorer.data, with_it)
+    all_of_it = float(with_it.fit.cost)
+    assert abs(test.gain(STOP, 5)) < 0.01 * all_of_it

@@ -52,6 +52,10 @@ class PredictedGain:
     gain: float
 
 
+ROUNDING = 1e-9
+"""Share of an unknown's curvature that rounding leaves where others could take its place."""
+
+
 class ScoreTest:
     """Products of a fitted model with every feature of the catalogue, under the model's weights."""
 
@@ -71,7 +75,10 @@ class ScoreTest:
         across = information[np.ix_(self.free, self.held)]
         self.taken = self.inverse @ across
         self.slope = gradient[self.held] - self.taken.T @ self.gradient
-        self.curvature = information[np.ix_(self.held, self.held)] - across.T @ self.taken
+        of_held = information[np.ix_(self.held, self.held)]
+        self.curvature = of_held - across.T @ self.taken
+        least = ROUNDING * of_held.diagonal()
+        np.fill_diagonal(self.curvature, np.maximum(self.curvature.diagonal(), least))
         self.room = (model.low - values)[self.held], (model.high - values)[self.held]
         self.groups = []
         for i, group in enumerate(data.groups):
@@ -130,7 +137,8 @@ class ScoreTest:
         pick = _picks([self.layout.features[i] for i in places], names)
         within = effect.gains_at(shape)
         gains = [within[name] for name in names]
-        curvature = np.diag([WEAK_PRIOR / g.typical**2 for g in gains])
+        prior = np.array([WEAK_PRIOR / g.typical**2 for g in gains])
+        curvature = np.diag(prior)
         slope = np.zeros(len(gains))
         shared = np.zeros((len(self.free) + len(self.held), len(gains)))
         theirs = self.layout.every[places]
@@ -145,6 +153,8 @@ class ScoreTest:
         shared, back = shared[self.free], shared[self.held]
         taken = self.inverse @ shared
         curvature -= shared.T @ taken
+        # Of what the other unknowns could explain entirely, its prior is left: the rest is rounding.
+        np.fill_diagonal(curvature, np.maximum(curvature.diagonal(), prior))
         slope -= taken.T @ self.gradient
         low, high = np.array([g.low for g in gains]), np.array([g.high for g in gains])
         if len(self.held):
