@@ -211,7 +211,9 @@ def _searched(
     near = [*found.models, *found.evidence.candidates]
     if other := with_zeros_taken_off(reduction, near, again, _outcome):
         return other
-    if may_correct and (other := corrected(found.models)):
+    # Once many effects that were found together leave little beside it, a second error is no simpler reading.
+    settled = found.many and corrections > 0 and not lacks_fit(found.path[-1], NEARLY_RIGHT)
+    if may_correct and not settled and (other := corrected(found.models)):
         return other
     return question, found, display
 
