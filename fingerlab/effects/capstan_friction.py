@@ -78,11 +78,11 @@ def _sheath_closer(shape: Shape) -> Sequence[Shape]:
     around = [factor * travel for factor in OCTAVE] if shape["held"] else OTHER_HELD_TRAVELS_DEG
     held = either("travel_deg", around)
     following = _sheath(USUAL_STICKING_DEG if shape["held"] else travel, 1.0)
-    behind, on_both_sides = (either("stretch_behind", shares) for shares in ((1.0, 0.0), (0.5,)))
+    behind = either("stretch_behind", (1.0, 0.0))
     speeds = [factor * shape[REVERSAL_SPEED] for factor in FINEST_OCTAVE] if by_speed else FINGER_SPEEDS
     shapes = [
         *every(held, behind)(_sheath(travel, 1.0, held=1.0)),
-        *on_both_sides(_sheath(travel, 1.0, held=1.0)),
+        _sheath(travel, stretch_behind=0.5, held=1.0),
         *every(times("travel_deg", HALF_OCTAVE), behind)(following),
         *every(either(REVERSAL_SPEED, speeds), behind)({"stretch_behind": 1.0, "held": 0.0}),
     ]

@@ -14,12 +14,12 @@ from fingerlab.diagnosis.answer.error_parts import Comparison, equation_of
 from fingerlab.diagnosis.answer.results import Failure
 from fingerlab.sessions.model import Array
 
-from ..widgets.focus_frame import FocusFrame
 from ..widgets.plots import (
     HELP,
     Cursor,
     CursorPair,
     DecimatedCurve,
+    FocusFrame,
     LookBox,
     Tints,
     bottom_axis_height,

@@ -17,9 +17,8 @@ from fingerlab.report.diagnosis_words import FAMILY_TITLES, in_sentence, listed,
 from fingerlab.report.parameter_words import parameter_titles
 from fingerlab.sessions.model import Array
 
-from ..widgets.focus_frame import FocusFrame
 from ..widgets.layout import FLUSH, described, hbox, vbox
-from ..widgets.plots import bottom_axis_height, colour_plot, label_left, prepare_plot, span_of
+from ..widgets.plots import FocusFrame, bottom_axis_height, colour_plot, label_left, prepare_plot, span_of
 from ..widgets.series import Series
 from ..widgets.tables import ElidedLabel, WholeLabel
 from ..widgets.theme import colours_of, line, small_font, tint

@@ -15,8 +15,7 @@ from PySide6.QtWidgets import QWidget
 from fingerlab.library.reviewing import Cycles, Marker
 from fingerlab.sessions.model import Array
 
-from ..widgets.focus_frame import FocusFrame
-from ..widgets.plots import bottom_axis_height, colour_plot, label_left, move_by_key, prepare_plot
+from ..widgets.plots import FocusFrame, bottom_axis_height, colour_plot, label_left, move_by_key, prepare_plot
 from ..widgets.theme import colours_of, line
 from .review_data import CHANNELS, MARGIN, PANES, Layer, PaneSpec, limits_of
 from .review_pane import RUN_TIME, ClockAxis, ReviewPane, over_pen

@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import QEvent, QObject, QRectF, Qt, Signal
-from PySide6.QtGui import QBrush, QColor, QFontMetricsF, QKeyEvent, QPainter
+from PySide6.QtGui import QBrush, QColor, QFocusEvent, QFontMetricsF, QKeyEvent, QPainter, QPaintEvent
 from PySide6.QtWidgets import QWidget
 
 from fingerlab.core.text import ScreenUnit, with_minus
 from fingerlab.sessions.model import Array
 
-from .focus_frame import FocusFrame
 from .series import envelope
 from .theme import Colours, colours_of, line, small_font
+
+if TYPE_CHECKING:
+    from pyqtgraph import GraphicsView as _View
+else:
+    _View = object
 
 
 class NumberAxis(pg.AxisItem):
@@ -235,6 +239,26 @@ def move_by_key(plot: pg.PlotItem, event: QKeyEvent) -> bool:
 
 AXIS_WIDTH = 60
 MARGIN = 0.08
+
+
+class FocusFrame(_View):
+    """A frame about a plot that has the keyboard; to be named before a graphics view among its bases."""
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        super().paintEvent(event)
+        if self.hasFocus():
+            painter = QPainter(self.viewport())
+            painter.setPen(QColor(colours_of(self).accent))
+            painter.drawRect(self.viewport().rect().adjusted(0, 0, -1, -1))
+            painter.end()
+
+    def focusInEvent(self, event: QFocusEvent) -> None:
+        super().focusInEvent(event)
+        self.viewport().update()
+
+    def focusOutEvent(self, event: QFocusEvent) -> None:
+        super().focusOutEvent(event)
+        self.viewport().update()
 
 
 class QuietPlot(FocusFrame, pg.PlotWidget):

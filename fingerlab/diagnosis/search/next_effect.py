@@ -80,6 +80,7 @@ class ScoreTest:
         least = ROUNDING * of_held.diagonal()
         np.fill_diagonal(self.curvature, np.maximum(self.curvature.diagonal(), least))
         self.room = (model.low - values)[self.held], (model.high - values)[self.held]
+        self._gains: dict[tuple[str, int], float] = {}
         self.groups = []
         for i, group in enumerate(data.groups):
             raw, clean = data.raw(i, None), data.noiseless[i]
@@ -132,6 +133,12 @@ class ScoreTest:
 
     def gain(self, effect: Effect, shape: int) -> float:
         """By how much the cost (minus twice the log posterior) falls in one step of the effect's gains."""
+        key = effect.id, shape
+        if key not in self._gains:
+            self._gains[key] = self._gain(effect, shape)
+        return self._gains[key]
+
+    def _gain(self, effect: Effect, shape: int) -> float:
         places = self.layout.indices(effect.id, shape)
         names = [name for name in effect.gains if name not in effect.offsets]
         pick = _picks([self.layout.features[i] for i in places], names)
