@@ -165,16 +165,16 @@ def checked(
 
     rig = choice.rig or default_rig()
     with ExitStack() as stack:
-        stack.enter_context(Interrupts(lambda: None))  # who is asked to end gives back what it has opened
+        opening = stack.enter_context(Interrupts(lambda: None))  # who is asked to end gives back what it has
         bench = _open(choice, rig)
         stack.callback(bench.close)
+        opening.check()
         operator.tell(f"Checking {bench.status().device}.")
         with Interrupts(bench.stop) as interrupts:
             walked = STEPS if steps is None else steps
             on_card = choice.kind == CARD
             protocol = check(bench, rig, operator, rig_source, on_card, walked, bench_key(choice))
-        if interrupts.asked:
-            raise KeyboardInterrupt
+        interrupts.check()
     return protocol
 
 

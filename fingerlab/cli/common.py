@@ -242,8 +242,8 @@ class Interrupts:
     Args:
         raises: whether they raise anything; else ``first`` alone has to see to it.
 
-    Python drops an exception that is raised while it clears away an object, so that a KeyboardInterrupt may
-    get lost; ``first`` has run by then, and ``asked`` tells.
+    Python drops an exception that is raised while it clears away an object, and tells its traceback: here
+    nothing is told of it, ``first`` has run by then, and :meth:`check` raises it again.
 
     A program started in the background may find Ctrl-C switched off; here it listens all the same.
     """
@@ -252,8 +252,10 @@ class Interrupts:
         self.first, self._raises = first, raises
         self.asked = False
         self._before: dict[signal.Signals, Any] = {}
+        self._told_before = sys.unraisablehook
 
     def __enter__(self) -> Interrupts:
+        self._told_before, sys.unraisablehook = sys.unraisablehook, self._on_dropped
         for which in (signal.SIGINT, signal.SIGTERM):
             self._before[which] = signal.signal(which, self._on_signal)
         return self
@@ -263,6 +265,20 @@ class Interrupts:
     ) -> None:
         for which, handler in self._before.items():
             signal.signal(which, handler)
+        sys.unraisablehook = self._told_before
+
+    def check(self) -> None:
+        """Raise what was asked for and may have been dropped.
+
+        Raises:
+            KeyboardInterrupt: somebody asked.
+        """
+        if self.asked:
+            raise KeyboardInterrupt
+
+    def _on_dropped(self, dropped: sys.UnraisableHookArgs) -> None:
+        if not (self.asked and isinstance(dropped.exc_value, KeyboardInterrupt)):
+            self._told_before(dropped)
 
     def _on_signal(self, number: int, frame: FrameType | None) -> None:
         self.first()

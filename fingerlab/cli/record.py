@@ -189,9 +189,11 @@ def record(out: Path, json_target: str | None, **options: Any) -> None:
         bar, report = progress_bar("Recording")
         stack.enter_context(bar)
         report(0.0, "opening the device")
-        stack.enter_context(Interrupts(lambda: None))  # who is asked to end gives back what it has opened
+        # Who is asked to end gives back what it has opened.
+        interrupts = stack.enter_context(Interrupts(lambda: None))
         bench, rig, attributes = _open(choice, options, simulated)
         stack.callback(bench.close)
+        interrupts.check()
         if beginning.trigger is not None:
             refuse_beyond(beginning.trigger, rig.limits)
         attributes |= {k: v for k in ("operator", "notes") if (v := options[k])}

@@ -282,16 +282,27 @@ class SessionOptions:
 
 
 class _Attendant:
-    """Between the driver and everybody else."""
+    """Between the driver and everybody else.
+
+    Args:
+        check: raises where the program was asked to end.
+    """
 
     def __init__(
-        self, bench: Bench, rig: Rig, options: SessionOptions, events: Events, bar: Any, report: Report
+        self,
+        bench: Bench,
+        rig: Rig,
+        options: SessionOptions,
+        events: Events,
+        bar: Any,
+        report: Report,
+        check: Callable[[], None],
     ) -> None:
         from fingerlab.acquisition.protocols.driver import ProtocolDriver
         from fingerlab.acquisition.protocols.script import Script
 
         self._bench, self._options, self._events = bench, options, events
-        self._bar, self._report = bar, report
+        self._bar, self._report, self._check = bar, report, check
         self.script = Script(self._tell, options.orders)
         self._observer = Observer(bench, rig, events, self.say, options.model)
         self._lines = Lines(self.script.add if options.typed else lambda line: self.script.add("ready"))
@@ -303,6 +314,7 @@ class _Attendant:
 
     def look(self) -> None:
         """Tell what is new, and obey."""
+        self._check()
         self._observer.look(self.driver)
         self.script.look(self.driver)
 
@@ -383,17 +395,19 @@ def take(
     if options.model is not None:
         # What is lacking is told before anything moves.
         live_model(rig, bench.rate_hz, options.model, SetUp())
-    attendant = _Attendant(bench, rig, options, events, bar, report)
+    interrupts = Interrupts(bench.stop)
+    attendant = _Attendant(bench, rig, options, events, bar, report, interrupts.check)
     driver, script = attendant.driver, attendant.script
     runs = sum(isinstance(step, Record) for step in steps)
     plan = {"runs": runs, "seconds": plan_seconds(steps), "rate_hz": bench.rate_hz}
     device = bench.status().device
-    with Interrupts(bench.stop) as interrupts:
+    with interrupts:
         try:
             bench.recorder.open(_info(rig, options, device))
             events.tell("begun", {"session": str(options.out), "device": device, **plan})
             driver.take(steps)
             attendant.close()
+            interrupts.check()
         except BaseException as error:
             bench.stop()  # before anything else
             why = KeyboardInterrupt() if interrupts.asked or script.stopped else error

@@ -22,6 +22,7 @@ from fingerlab.acquisition.control.machine import Enable, Initialise, SetUp, Sta
 from fingerlab.acquisition.control.trajectories import read_trajectory
 from fingerlab.acquisition.control.units import BenchUnits
 from fingerlab.acquisition.protocols.steps import Record, plan_steps
+from fingerlab.cli.common import Interrupts
 from fingerlab.cli.record import record
 from fingerlab.cli.simulate import single_plan
 from fingerlab.core.errors import UserError
@@ -221,6 +222,25 @@ def test_ctrl_c_stops_and_keeps_what_was_recorded(tmp_path: Path) -> None:
     assert session.runs[0].attributes["complete"] == 0
     assert not check_session(session).errors
     assert session.runs[0].length >= 100
+
+
+def test_ctrl_c_while_python_clears_an_object_away_is_kept_and_told_by_no_traceback(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Seen before, on a slow machine: the signal came in a callback of ``weakref``."""
+    monkeypatch.setattr(sys, "unraisablehook", sys.__unraisablehook__)
+
+    class Unlucky:
+        def __del__(self) -> None:
+            signal.raise_signal(signal.SIGINT)
+
+    with Interrupts(lambda: None) as interrupts:
+        interrupts.check()
+        Unlucky()
+        assert interrupts.asked
+        with pytest.raises(KeyboardInterrupt):
+            interrupts.check()
+    assert capsys.readouterr().err == ""
 
 
 @pytest.mark.parametrize("which", [signal.SIGINT, signal.SIGTERM])
