@@ -63,6 +63,22 @@ def test_one_that_presses_all_along_shows_none(stiffness: float, middle_m: float
     assert zero_while_clear(pressing(0.12, stiffness, middle_m), FINGER) is None
 
 
+def test_a_soft_tip_that_rests_before_it_moves_shows_none() -> None:
+    """It rests at its least force, further back than wherever it is certain to press. Seen before: 0.7 N."""
+    moving = pressing(0.12, 1300.0, 2e-3)
+    rest = 2 * int(RATE)
+    low = int(0.75 * RATE)
+    channels = {
+        name: np.concatenate([np.full(rest, values[low]), values[low:]])
+        for name, values in moving.load().items()
+    }
+    channels["time"] = np.arange(len(channels["mcp_angle"])) / RATE
+    noise = 1e-2 * np.random.default_rng(4).standard_normal(rest)
+    channels[FORCE][:rest] = 0.12 + 1300.0 * 1e-3 + noise
+    soft = Run.from_arrays(channels, name="001", phase="contact", cable="flexion", sample_rate_hz=RATE)
+    assert zero_while_clear(soft, FINGER) is None
+
+
 def _session(*runs: Run) -> Session:
     rig = replace(made.RIG, finger=FINGER)
     return replace(made.session(made.Bench(), contact=0), runs=runs, rig=rig)

@@ -123,13 +123,14 @@ def zero_while_clear(run: Run, finger: Finger) -> tuple[float, float] | None:
     """What a load cell reads while the tip of a pressing finger is clear of it, N, and what it is pressed by.
 
     None: it never is for long, be it before it is set down or in the course of its motion. The tip is clear
-    where it is further back than wherever it presses, and the reading there no longer goes with its place:
-    a soft tip gives by as much, but its force goes with it.
+    where it is further back than wherever it presses, and than one that gives would be under such a force,
+    and the reading there no longer goes with its place.
     """
     tip = tip_record(run, finger, CLEAR_SAMPLES / WIDE_RATE_HZ)
     if tip is None or not tip.pressing.any():
         return None
-    clear = tip.depth < np.quantile(tip.depth[tip.pressing], 0.02) - LIFTED_M
+    edge = np.quantile(tip.depth[tip.pressing], 0.02)
+    clear = np.maximum(tip.depth - edge, tip.beyond_give) < -LIFTED_M
     if np.count_nonzero(clear) < CLEAR_S * WIDE_RATE_HZ / CLEAR_SAMPLES:
         return None
     depth, force, load = tip.depth, tip.force, tip.load

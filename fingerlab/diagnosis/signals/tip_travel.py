@@ -46,6 +46,17 @@ class TipRecord(NamedTuple):
         """Where it is certain to press, (n,) bool."""
         return np.asarray(self.force > np.quantile(self.force, 0.02) + PRESSING_SHARE * self.load)
 
+    @property
+    def beyond_give(self) -> Array:
+        """How much deeper it is than its force puts it while it presses, (n,) m: what gives goes back with it.
+
+        Depth over force, in a straight line: noise of the angles makes that no steeper.
+        """
+        force, depth = self.force[self.pressing], self.depth[self.pressing]
+        back = force - force.mean()
+        give = max(float(back @ depth) / max(float(back @ back), 1e-30), 0.0)
+        return np.asarray(self.depth - depth.mean() - give * (self.force - force.mean()))
+
 
 def tip_record(run: Run, finger: Finger, average_s: float) -> TipRecord | None:
     """The tip of a run, averaged over so long; None: a channel is missing, or nothing is left of it."""
