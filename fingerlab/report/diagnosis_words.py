@@ -11,7 +11,7 @@ from fingerlab.core.text import percent, score_text, significant
 from fingerlab.diagnosis.answer.results import Candidate, Diagnosis, Failure, OtherModel
 from fingerlab.diagnosis.score.calibration import Verdict
 from fingerlab.diagnosis.settings import LACK_OF_FIT
-from fingerlab.effects import find_effect
+from fingerlab.effects import CATALOGUE, find_effect
 from fingerlab.report.parameter_words import held_words
 
 Named = Callable[[Diagnosis, str], str]
@@ -116,6 +116,15 @@ def left_open(diagnosis: Diagnosis) -> tuple[tuple[str, ...], tuple[str, ...]]:
     visible = {c.effect for c in diagnosis.candidates if c.detectable}
     unseen = not_shown(diagnosis)
     return tuple(e for e in unseen if e not in visible), tuple(e for e in unseen if e in visible)
+
+
+def not_asked_sentence(diagnosis: Diagnosis) -> str:
+    """Which effects were not tried, as no run of a finger has the force at its tip; empty where one has."""
+    if "joint_torque" not in diagnosis.errors or "endpoint_force" in diagnosis.errors:
+        return ""
+    tried = {*(c.effect for c in diagnosis.candidates), *diagnosis.model}
+    names = [in_sentence(effect_title(name)) for name in CATALOGUE if name not in tried]
+    return f"No run tells the force at the fingertip, so {listed(names)} were not asked." if names else ""
 
 
 def hidden_sentence(diagnosis: Diagnosis) -> str:
@@ -466,7 +475,8 @@ def set_sentence(diagnosis: Diagnosis) -> str:
         text = "These data leave open whether one of these is missing."
         unseen, seen = (called_in_sentence(diagnosis, names) for names in (hidden, weak))
         text += f" They could not have shown, at a plausible strength: {unseen}." if hidden else ""
-        return f"{text} What they show of these is too weak to tell: {seen}." if weak else text
+        text += f" What they show of these is too weak to tell: {seen}." if weak else ""
+        return " ".join(filter(None, (text, not_asked_sentence(diagnosis))))
     if diagnosis.set and diagnosis.verdict == Verdict.NOT_IN_CATALOGUE:
         names = called_in_sentence(diagnosis, diagnosis.set)
         return f"Stronger than is thought possible, it could still be one of these: {names}."
@@ -496,7 +506,8 @@ def set_sentence(diagnosis: Diagnosis) -> str:
             )
         return f"{first} is told apart from every other effect of the catalogue.{besides}"
     if diagnosis.verdict == Verdict.NOTHING_MISSING:
-        return "No effect is called for, so there is nothing to tell apart."
+        text = "No effect is called for, so there is nothing to tell apart."
+        return " ".join(filter(None, (text, not_asked_sentence(diagnosis))))
     if worth_adding(diagnosis):
         return "What is left is of no effect of the catalogue, so there is nothing to tell apart."
     return "No effect of the catalogue is justified, so there is nothing to tell apart."

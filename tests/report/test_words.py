@@ -10,7 +10,9 @@ from fingerlab.diagnosis.answer.results import Diagnosis, EquationError, PathSte
 from fingerlab.diagnosis.score.calibration import CalibratedAnswer
 from fingerlab.report.diagnosis_words import (
     calibration_sentence,
+    effect_title,
     hidden_sentence,
+    in_sentence,
     set_sentence,
     verdict_sentence,
 )
@@ -207,6 +209,19 @@ def test_what_the_path_holds_or_is_told_of_already_is_not_said_to_be_hidden(alik
     assert (
         hidden_sentence(needing(replace(alike, candidates=unseen), "coulomb_friction", "gravity_tilt")) == ""
     )
+
+
+def test_what_no_run_can_tell_for_want_of_a_force_is_said_not_to_be_asked(alike) -> None:
+    """Nothing of the contact was recorded: that it is missing must not pass for asked and found absent."""
+    open_ = replace(alike, verdict="nothing_missing", errors={"joint_torque": alike.errors["joint_torque"]})
+    tried = {c.effect for c in alike.candidates}
+    said = set_sentence(open_)
+    assert "No run tells the force at the fingertip, so " in said
+    for name in ("contact_angle", "contact_compliance", "load_cell_gain"):
+        assert name not in tried
+        assert in_sentence(effect_title(name)) in said
+    motor = replace(open_, errors={"motor_torque": alike.errors["joint_torque"]})
+    assert "were not asked" not in set_sentence(motor)
 
 
 def test_what_is_unusual_of_a_session_is_told_one_thing_after_the_other(alike) -> None:

@@ -130,6 +130,8 @@ def nominal_diagnosis(session: str) -> Diagnosis:
         errors={
             "joint_torque": EquationError("N m", 0.00481, 0.83, FLOOR),
             "cable_kinematics": EquationError("m", 4.1e-5, 0.999, CABLE_FLOOR),
+            "motor_torque": EquationError("N m", 0.00052, 0.997, 0.0005),
+            "endpoint_force": EquationError("N", 0.05, 0.99, 0.05),
         },
         score=12.4,
         verdict="missing_effect",
@@ -162,6 +164,8 @@ def friction_diagnosis(session: str) -> Diagnosis:
         errors={
             "joint_torque": EquationError("N m", 0.00044, 0.998, FLOOR),
             "cable_kinematics": EquationError("m", 4.1e-5, 0.999, CABLE_FLOOR),
+            "motor_torque": EquationError("N m", 0.00052, 0.997, 0.0005),
+            "endpoint_force": EquationError("N", 0.05, 0.99, 0.05),
         },
         score=1.1,
         verdict="nothing_missing",

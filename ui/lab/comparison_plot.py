@@ -46,7 +46,7 @@ from .comparison_curves import (
 from .result_words import failure_words
 
 AXIS_WIDTH = 72
-LEAST_HEIGHT = 168
+LEAST_HEIGHT = 156
 SHORTEST_VIEW = 0.05
 """Seconds; closer than a few samples there is nothing to see."""
 

@@ -27,6 +27,7 @@ from fingerlab.report.diagnosis_words import (
     listed,
     needed_together,
     needless_title,
+    not_asked_sentence,
     not_shown,
     on_the_path,
     one_run,
@@ -134,6 +135,7 @@ def _set_words(diagnosis: Diagnosis) -> str:
         hidden, weak = left_open(diagnosis)
         text = f"They could not have shown: {_named(diagnosis, hidden)}." if hidden else ""
         text += f"{' ' if text else ''}Too weak to tell: {_named(diagnosis, weak)}." if weak else ""
+        text = " ".join(filter(None, (text, not_asked_sentence(diagnosis))))
         shown = would_show(diagnosis)
         return f"{text} The proposed run would show {_named(diagnosis, shown)}." if shown else text
     titles = [in_sentence(called(diagnosis, name)) for name in indistinguishable(diagnosis)]

@@ -109,7 +109,10 @@ def family(answer: str) -> str:
 
 
 def read(results: Path) -> tuple[list[KnownTrial], int]:
-    """The trials of a population with their weights, and how many more failed."""
+    """The trials of a population with their weights, and how many more failed.
+
+    An effect of the contact is none of a bench whose chosen runs never touch the load cell: it was not asked.
+    """
     found, failed = [], 0
     for line in results.read_text(encoding="utf-8").splitlines():
         entry = json.loads(line)
@@ -119,8 +122,8 @@ def read(results: Path) -> tuple[list[KnownTrial], int]:
         if "odds" not in entry:
             failed += 1
             continue
-        truth = tuple(trial["effects"]) or (NOTHING,)
         odds = entry["odds"]
+        truth = tuple(one for one in trial["effects"] if one in odds["effects"]) or (NOTHING,)
         found.append(
             KnownTrial(
                 trial["seed"], trial["source"], (UNKNOWN,) if trial["left_out"] else truth,
