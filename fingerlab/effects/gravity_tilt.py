@@ -1,24 +1,16 @@
 """A base that stands at another angle than the rig file says."""
 
 import math
-from functools import partial
-
-import numpy as np
 
 from fingerlab.effects.base import Effect, Example, Formula, Row, Shape, Term, either, every, plus
+from fingerlab.effects.joints import PRESSED_TURNS_DEG, turned_torques
 from fingerlab.physics.motion import Motion, nothing, tip_reach, while_pressed
 from fingerlab.physics.parameter import Parameter
-from fingerlab.sessions.model import Array
 
 LARGEST_TILT_RAD = 0.45
 
 TURNS_DEG = (-17.0, 0.0, 17.0)
 """Tilts about which the torques are taken as straight, each half-way to the next; within 1 per cent."""
-
-PRESSED_TURNS_DEG = tuple(8.0 * k for k in range(-3, 4))
-"""The same where the load cell stays: what friction does to the tip is within 7 per cent."""
-
-Pair = tuple[Array, Array]
 
 
 def columns(motion: Motion, shape: Shape) -> list[Term]:
@@ -29,7 +21,7 @@ def columns(motion: Motion, shape: Shape) -> list[Term]:
     """
     about = math.radians(shape.get("turn_deg", 0.0))
     force = motion.force if shape.get("cell_stays") else None
-    (mcp, pip), (turn_mcp, turn_pip) = _standing_torques(motion, force, about)
+    (mcp, pip), (turn_mcp, turn_pip) = turned_torques(motion, force, about)
     level = nothing(len(pip)) if force is None else while_pressed(motion, tip_reach(motion))
     terms = [
         Term(Row.MCP, "tilt", turn_mcp, "joint"),
@@ -37,7 +29,7 @@ def columns(motion: Motion, shape: Shape) -> list[Term]:
         Term(Row.TIP, "tilt", level),
     ]
     if about:
-        (flat_mcp, flat_pip), _ = _standing_torques(motion, force, 0.0)
+        (flat_mcp, flat_pip), _ = turned_torques(motion, force, 0.0)
         terms += [
             Term(Row.MCP, "", mcp - flat_mcp - about * turn_mcp, "joint", constant=1.0),
             Term(Row.PIP, "", pip - flat_pip - about * turn_pip, "joint", constant=1.0),
@@ -55,33 +47,6 @@ def _near(shape: Shape) -> tuple[float, float]:
 
 def _face_turn(shape: Shape) -> float:
     return math.radians(shape["turn_deg"]) * shape["cell_stays"]
-
-
-def _standing_torques(motion: Motion, force: Array | None, tilt: float) -> tuple[Pair, Pair]:
-    """What gravity and the force (N) do to MCP and PIP on a tilted base, N m, and its slope with the tilt.
-
-    Thesis equations 3.16 to 3.18; the tilt comes on top of the wrist angle.
-    """
-    f, q = motion.finger_and_joints
-    proximal, distal = f.wrist_angle - q.mcp, q.mcp + q.pip - f.wrist_angle
-    sines = {
-        name: motion.remember(("tilt", name), partial(wave, angle))
-        for name, wave, angle in (
-            ("sin p", np.sin, proximal), ("cos p", np.cos, proximal),
-            ("sin d", np.sin, distal), ("cos d", np.cos, distal),
-        )
-    }  # fmt: skip
-    c, s = np.cos(tilt), np.sin(tilt)
-    pressed: Array | float = 0.0 if force is None else force
-    near = 2.0 * f.proximal_half_length * pressed
-    weight_near, weight_far = motion.weights
-    near = near - weight_near
-    far = 2.0 * f.distal_half_length * pressed - weight_far
-    pip = far * (c * sines["cos d"] + s * sines["sin d"])
-    turn_pip = far * (c * sines["sin d"] - s * sines["cos d"])
-    mcp = near * (c * sines["cos p"] - s * sines["sin p"]) + pip
-    turn_mcp = turn_pip - near * (c * sines["sin p"] + s * sines["cos p"])
-    return (mcp, pip), (turn_mcp, turn_pip)
 
 
 EFFECT = Effect(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -144,3 +145,42 @@ def lateral_levers(motion: Motion, gain: str) -> list[Term]:
 def sideways_terms(motion: Motion, gain: str, force: Array) -> list[Term]:
     """Torques of a force (N) along the load cell's face, away from the MCP joint."""
     return [Term(t.row, gain, force * t.values, "joint") for t in lateral_levers(motion, gain)]
+
+
+PRESSED_TURNS_DEG = tuple(8.0 * k for k in range(-3, 4))
+"""Angles of a load cell against the finger about which the torques are taken as straight, each half-way to
+the next; what friction does to the tip is within 7 per cent."""
+
+Pair = tuple[Array, Array]
+
+
+def turned_torques(
+    motion: Motion, force: Array | None, angle: float, weighs: bool = True
+) -> tuple[Pair, Pair]:
+    """What gravity and the force (N) do to MCP and PIP, N m, and its slope with the angle (rad).
+
+    Thesis equations 3.16 to 3.18; the angle comes on top of the wrist angle.
+
+    Args:
+        weighs: whether gravity turns as well, as with a tilted base; else the force alone.
+    """
+    f, q = motion.finger_and_joints
+    proximal, distal = f.wrist_angle - q.mcp, q.mcp + q.pip - f.wrist_angle
+    sines = {
+        name: motion.remember(("tilt", name), partial(wave, at))
+        for name, wave, at in (
+            ("sin p", np.sin, proximal), ("cos p", np.cos, proximal),
+            ("sin d", np.sin, distal), ("cos d", np.cos, distal),
+        )
+    }  # fmt: skip
+    c, s = np.cos(angle), np.sin(angle)
+    pressed: Array | float = 0.0 if force is None else force
+    near, far = 2.0 * f.proximal_half_length * pressed, 2.0 * f.distal_half_length * pressed
+    if weighs:
+        weight_near, weight_far = motion.weights
+        near, far = near - weight_near, far - weight_far
+    pip = far * (c * sines["cos d"] + s * sines["sin d"])
+    turn_pip = far * (c * sines["sin d"] - s * sines["cos d"])
+    mcp = near * (c * sines["cos p"] - s * sines["sin p"]) + pip
+    turn_mcp = turn_pip - near * (c * sines["sin p"] + s * sines["cos p"])
+    return (np.asarray(mcp), np.asarray(pip)), (np.asarray(turn_mcp), np.asarray(turn_pip))
