@@ -77,13 +77,23 @@ def _sheath_closer(shape: Shape) -> Sequence[Shape]:
     by_speed, travel = REVERSAL_SPEED in shape, shape.get("travel_deg", USUAL_STICKING_DEG)
     around = [factor * travel for factor in OCTAVE] if shape["held"] else OTHER_HELD_TRAVELS_DEG
     held = either("travel_deg", around)
-    following = _sheath(USUAL_STICKING_DEG if shape["held"] else travel, 1.0)
+    sharp = shape.get("sharpness", 0.0)
+    many = USUAL_STICKING_DEG if shape["held"] else travel * (1.0 + sharp) / 2.0
+    following = _sheath(many, 1.0)
+    # What winds up as one spring and lets go all at once does so over twice the travel that reverses 63 %.
+    as_one = {
+        **following,
+        "sharpness": 1.0,
+        "travel_deg": 2.0 * many,
+        "stretch_behind": shape["stretch_behind"],
+    }
     behind = either("stretch_behind", (1.0, 0.0))
     speeds = [factor * shape[REVERSAL_SPEED] for factor in FINEST_OCTAVE] if by_speed else FINGER_SPEEDS
     shapes = [
         *every(held, behind)(_sheath(travel, 1.0, held=1.0)),
         _sheath(travel, stretch_behind=0.5, held=1.0),
         *every(times("travel_deg", HALF_OCTAVE), behind)(following),
+        *times("travel_deg", FINEST_OCTAVE if sharp and not shape["held"] else HALF_OCTAVE)(as_one),
         *every(either(REVERSAL_SPEED, speeds), behind)({"stretch_behind": 1.0, "held": 0.0}),
     ]
     found = {name: shape[name] for name in FOLLOWING if name in shape}

@@ -12,7 +12,7 @@ from fingerlab.physics.parameter import Parameter
 LEANS = (-1.7, 1.7)
 """Tangents of sixty degrees either way, as far as the thesis tried (figure 5.2)."""
 STANDS: Shape = {"cell_turns": 0.0, "turn_deg": 0.0}
-"""The force leans from the axis of a cell that stands as it should; models of before tell no more than that."""
+"""The force leans from the axis of a cell that stands as it should; older models tell no more than that."""
 
 
 def columns(motion: Motion, shape: Shape) -> list[Term]:

@@ -149,7 +149,7 @@ def sheath_loss(motion: Motion, shape: Shape, cable: str) -> Array:
         tension = driven_tension(motion, shape)
         if not held:
             state = drive_state(motion, by_speed or {"travel_deg": travel, "sharpness": sharpness})
-            return np.asarray(tension * np.where(state < 0.0, paying_out, 1.0) * state)
+            return np.asarray(tension * taken_along(state, min(share, MOST_SHARE)))
         limit = np.maximum(tension, 0.0)
 
         def stops(position: Array, reaches: Array) -> Array:
@@ -160,6 +160,17 @@ def sheath_loss(motion: Motion, shape: Shape, cable: str) -> Array:
     drive = (shape.get(name, 0.0) for name in DRIVE)
     key = ("sheath", cable, travel, *by_speed.values(), sharpness, held, paying_out, *drive)
     return motion.remember(key, lost)
+
+
+def taken_along(state: Array, share: float) -> Array:
+    """What a sheath that slides along a part of it takes of the motor's tension, over the share; (n,).
+
+    Its wrap adds up in the exponent (Euler): where ``state`` of it slides, exp(-state mu phi) of the tension
+    is left, with exp(-mu phi) = 1 - ``share``.
+    """
+    if share <= 0.0:
+        return state
+    return np.asarray(-np.expm1(state * np.log1p(-share)) / share)
 
 
 LATE = "late"
