@@ -72,6 +72,9 @@ def break_ties(
             one = known[candidate.last_effect.id]
         elif can_refine(candidate.choices):
             far = _far_from(reduction, scorer, candidate, refined[0][1], watch) if refined else None
+            # A law by one of these numbers may lie two steps from the grid, and was not seen in one.
+            if far is not None and also & candidate.last_effect.shape_units.keys():
+                far = far if lacks_fit(far[1], FAR_LEFT) else None
             one = far or refine_grid(reduction, candidate, watch)
         else:
             one = scorer, scorer.fit_reweighted(candidate.choices, candidate, weights)
