@@ -110,6 +110,9 @@ STRAIGHTER = 0.98
 encoder's noise makes it 1, and then nothing is gained by them."""
 REPORTED_JITTER = 0.1
 """A sample that is off its time by more than this share of a sample came early or late; assumed."""
+LANDING_S = 0.05
+"""So long before and behind what looks like a spike of the force it is asked whether a tip was clear and then
+presses, s: a tip that lands knocks, bounces for some 10 ms and stays. Assumed."""
 LEAST_SPIKE = 12.0
 """A spike is off by so many times what a channel bends by from sample to sample, or its step; in recordings
 of seven machines, clean ones, nothing but impacts is off by more than ten."""

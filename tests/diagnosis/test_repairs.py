@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from fingerlab.diagnosis import diagnose
+from fingerlab.diagnosis.settings import LANDING_S
 from fingerlab.diagnosis.signals.filters import (
     BRIDGED,
     CUT_OUT,
@@ -61,6 +62,22 @@ def test_spikes_are_found_where_they_were_put(step: float, size: float) -> None:
     repaired, spikes = without_spikes(values)
     assert spikes.tolist() == places.tolist()
     assert np.abs(repaired - clean).max() < max(8e-3, 1.5 * step)
+
+
+def test_the_knock_of_a_tip_that_lands_is_no_spike() -> None:
+    """2 N for two milliseconds, once a second, before the force of 0.5 N; one glitch while it presses is."""
+    rate = 1000
+    force = 0.01 * np.random.default_rng(5).standard_normal(10 * rate)
+    landings = np.arange(rate // 2, 10 * rate, rate)
+    for at in landings:
+        force[at : at + rate // 4] += 0.5
+        force[at : at + 2] += 2.0
+    glitch = int(landings[3]) + rate // 8
+    force[glitch] += 2.0
+    kept, spikes = without_spikes(force, round(LANDING_S * rate))
+    assert spikes.tolist() == [glitch]
+    assert kept[landings] == pytest.approx(force[landings])
+    assert len(without_spikes(force)[1]) > len(landings)  # of another channel each is one
 
 
 def test_a_clean_channel_is_left_as_it_is() -> None:

@@ -50,14 +50,16 @@ def test_a_motor_torque_is_the_same_tension_in_both_joints(name: str) -> None:
 
 
 def test_a_sheath_may_rub_by_the_speed() -> None:
-    """Of a share s: T tanh(v / v_r) winding in, and 1 / (1 - s) times as much paying out (Euler)."""
+    """Where a part z of the wrap slides, exp(-z mu phi) of the tension is left: s = 1 - exp(-mu phi)."""
     motion, width = moving(), 0.05
     shape = {"reversal_speed": width, "stretch_behind": 1.0, "held": 0.0}
     cable = next(name for name, sign in CABLE_SIGN.items() if sign == motion.cable_sign)
     for share in (0.0, 0.3):
         told = {**shape, f"share_{cable}": share}
         state = np.tanh(motion.velocity / width)
-        expected = driven_tension(motion, told) * state * np.where(state < 0.0, 1.0 / (1.0 - share), 1.0)
+        wrap = -np.log(1.0 - share)
+        taken = (1.0 - np.exp(-wrap * state)) / share if share else state
+        expected = driven_tension(motion, told) * taken
         terms = CATALOGUE["capstan_friction"].columns(motion, told)
         assert column(terms, Row.MCP, cable) == pytest.approx(expected)
 

@@ -273,7 +273,8 @@ def explanation(
             f"{said} These data could not show it at a plausible strength{from_there}; {reveal} would.{told}"
         )
     if fitted.misfit > evidence.base.misfit * NOTHING_SEEN and not (replaced or told):
-        return f"{said} Nothing of that is seen: {error} {fall}."
+        usual = _usual_already(fitted, effect, temperature_for(evidence, fitted))
+        return f"{said} Nothing of that is seen{usual}: {error} {fall}."
     numbers = [
         f"{parameter_title(effect, name)} "
         f"{_grid_value(found) if name in effect.shape_units else estimate_text(found)}"
@@ -283,6 +284,16 @@ def explanation(
     there = f" in place of {_in_sentence(evidence.base, replaced)}" if replaced else ""
     bounds = _at_bounds(fitted, effect)
     return f"{said[:-1]}{found}. With it{there} {error} {fall}.{told}{bounds}"
+
+
+def _usual_already(fitted: FittedModel, effect: Effect, temperature: float) -> str:
+    """What of the effect every model has, where it is seen: a cable that gives as cables do; else nothing."""
+    held = [
+        f"{parameter_title(effect, name)} {estimate_text(found)}"
+        for name, found in parameters(fitted, effect, temperature).items()
+        if name in effect.relaxes and (found.low > 0.0 or found.high < 0.0)
+    ]
+    return f" beyond what is usual and in every model ({'; '.join(held)})" if held else ""
 
 
 def _told_by_constants(base: FittedModel, fitted: FittedModel) -> str:

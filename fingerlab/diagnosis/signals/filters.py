@@ -34,6 +34,7 @@ from fingerlab.diagnosis.settings import (
     NARROW_CUTOFF_HZ,
     NARROW_RATE_HZ,
     NARROW_TAPS,
+    PRESSING_SHARE,
     PULSE_SAMPLES,
     REPORTED_JITTER,
     SAME_SIZE,
@@ -44,7 +45,7 @@ from fingerlab.diagnosis.settings import (
     WIDE_RATE_HZ,
 )
 from fingerlab.diagnosis.signals.encoder import smallest_step
-from fingerlab.sessions.model import Array
+from fingerlab.sessions.model import Array, BoolArray
 
 Repair = tuple[str, str]
 """What was put right, and the channel: samples are counted by both."""
@@ -128,8 +129,13 @@ def lost(time: Array, rate: float) -> dict[Repair, int]:
     return {what: int(count) for what, count in counts.items() if count}
 
 
-def without_spikes(values: Array) -> tuple[Array, Array]:
-    """A channel with its spikes on the line between their neighbours, and where they were, (spikes,)."""
+def without_spikes(values: Array, landing_samples: int = 0) -> tuple[Array, Array]:
+    """A channel with its spikes on the line between their neighbours, and where they were, (spikes,).
+
+    Args:
+        landing_samples: of a force on a tip, so many samples (LANDING_S at its rate) are looked at around
+            what may be the knock of a tip that lands: it pushed the finger, and is no spike. 0: another one.
+    """
     if len(values) < 2 * SPIKE_NEIGHBOURS + 1 or not np.isfinite(values).all():
         return values, NONE
     bend = np.abs(values[1:-1] - 0.5 * (values[2:] + values[:-2]))
@@ -150,6 +156,8 @@ def without_spikes(values: Array) -> tuple[Array, Array]:
     rows = np.split(spikes, np.flatnonzero(np.diff(spikes) > 1) + 1)
     spikes = np.concatenate([row for row in rows if len(row) < PULSE_SAMPLES] or [NONE])
     spikes = np.union1d(spikes, ends)
+    if landing_samples and len(spikes):
+        spikes = spikes[~_lands(values, spikes, landing_samples)]
     if not len(spikes) or len(spikes) > max(MOST_SPIKES_SHARE * len(values), 1.0):
         return values, NONE
     good = np.ones(len(values), dtype=bool)
@@ -158,6 +166,16 @@ def without_spikes(values: Array) -> tuple[Array, Array]:
     repaired = values.copy()
     repaired[spikes] = np.interp(spikes, kept, values[kept])
     return repaired, spikes
+
+
+def _lands(values: Array, spikes: Array, samples: int) -> BoolArray:
+    """Which of them are the knock of a tip that was clear of the load cell and presses it then, (spikes,)."""
+    low, high = np.quantile(values, (0.02, 0.98))
+    pressing = low + PRESSING_SHARE * (high - low)
+    around = np.arange(1, samples + 1)
+    before = np.median(values[np.maximum(spikes[:, None] - around - 1, 0)], axis=1)
+    after = np.median(values[np.minimum(spikes[:, None] + around + 1, len(values) - 1)], axis=1)
+    return np.asarray((before < pressing) & (after > pressing))
 
 
 def _jump(values: Array, scale: float) -> NDArray[np.intp]:

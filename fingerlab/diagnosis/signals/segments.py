@@ -20,6 +20,7 @@ from fingerlab.diagnosis.settings import (
     AT_ONCE_STEP_S,
     CLEARLY_HELPING,
     CONTRADICTED,
+    LANDING_S,
     LEAST_RUBBING,
     LONGEST_STRETCH_S,
     MOVED_DEG,
@@ -170,7 +171,8 @@ def _without_gaps(run: Run, rig: Rig, start: int, stop: int, on_bench: bool, lea
         for name in names:
             if name != "endpoint_force":
                 _check_numbers(run, name, mine[name], start - lead + piece.start)
-            mine[name], spikes, repeated = _repaired(mine[name], run.sample_rate_hz, its_lead)
+            landing_s = LANDING_S if name == "endpoint_force" else 0.0
+            mine[name], spikes, repeated = _repaired(mine[name], run.sample_rate_hz, its_lead, landing_s)
             if name == "motor_position":
                 mine[name] = between_counts(mine[name], step, run.sample_rate_hz)
             repairs |= {(REPEATED, name): repeated} if repeated else {}
@@ -190,13 +192,17 @@ def _without_gaps(run: Run, rig: Rig, start: int, stop: int, on_bench: bool, lea
         )
 
 
-def _repaired(values: Array, rate: float, lead: int) -> tuple[Array, Array, int]:
-    """A channel without spikes and steps; where spikes were, and how many samples behind the lead repeat."""
+def _repaired(values: Array, rate: float, lead: int, landing_s: float) -> tuple[Array, Array, int]:
+    """A channel without spikes and steps; where spikes were, and how many samples behind the lead repeat.
+
+    ``landing_s``: how long the force is looked at around what may be a tip that lands; 0: no force.
+    """
+    around = math.ceil(landing_s * rate)
     usual = usual_wait(values, rate / NARROW_RATE_HZ) if np.isfinite(values).all() else 1
     if usual == 1:
-        return *without_spikes(values), 0
+        return *without_spikes(values, around), 0
     readings = readings_of(values, usual)
-    read, spikes = without_spikes(values[readings])
+    read, spikes = without_spikes(values[readings], -(-around // usual))
     repeated = len(values) - lead - int(np.count_nonzero(readings >= lead))
     return between_readings(read, readings, len(values)), readings[spikes], repeated
 

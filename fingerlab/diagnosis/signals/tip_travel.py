@@ -48,7 +48,7 @@ class TipRecord(NamedTuple):
 
     @property
     def beyond_give(self) -> Array:
-        """How much deeper it is than its force puts it while it presses, (n,) m: what gives goes back with it.
+        """How much deeper it is than its force puts it while it presses, (n,) m: what gives goes back too.
 
         Depth over force, in a straight line: noise of the angles makes that no steeper.
         """
