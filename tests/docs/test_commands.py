@@ -131,7 +131,16 @@ def test_every_command_of_the_page_runs(
             continue  # run at their real length in tests/notebook/test_story.py
         if not command.reason:
             supply(command.words, shelf, tmp_path)
-            run(command.words)
+            run(quick(command.words))
+
+
+def quick(words: list[str]) -> list[str]:
+    """The command on the usual bench: of the bench as it was built, a dozen effects are found in a minute.
+
+    What is found there is asked of the whole command in ``tests/hidden/as_built``, whose table is committed.
+    """
+    after = [*words[1:], ""]
+    return [w for w, then in zip(words, after, strict=True) if "as-built" not in (w, then)]
 
 
 def whole_mentions(page: Path) -> list[list[str]]:
