@@ -109,7 +109,11 @@ def compare(
         differing += bool(found)
         passed = time.monotonic() - started
         word = (
-            "equal" if not found else "could not be taken" if taken.failed else f"{len(found)} values differ"
+            "equal"
+            if not found
+            else "could not be taken"
+            if taken.failed
+            else f"{len(found)} {'value differs' if len(found) == 1 else 'values differ'}"
         )
         click.echo(f"{number}/{len(work)} {passed:6.0f} s  {taken.name}: {word}")
         for one in found[:SHOWN]:

@@ -48,20 +48,17 @@ def test_a_number_that_differs_in_its_last_bit_is_told(stored: Path) -> None:
     path = stored / f"{NAME}.json"
     text = path.read_text(encoding="utf-8")
     golden = json.loads(text)
-    said = golden["steps"]["diagnose"]["json"]
     fit = golden["steps"]["sums"]["fit"]
-    for told, name in ((said, "score"), (fit, "cost")):
-        told[name] = math.nextafter(told[name], math.inf)
+    fit["cost"] = math.nextafter(fit["cost"], math.inf)
     path.write_text(json.dumps(golden), encoding="utf-8")
     try:
-        done = ask("compare", stored)
+        done = ask("compare", stored, steps=["sums"])
         passed = ask("compare", stored, "--tolerance", "1e-12", steps=["sums"])
         passed_over = ask("compare", stored, "--but-for", "sums.fit.co*", steps=["sums"])
     finally:
         path.write_text(text, encoding="utf-8")
     assert done.exit_code == 1
-    assert "2 values differ" in done.output
-    assert f"diagnose.json.score: {said['score']!r} -> " in done.output
+    assert "1 value differs" in done.output
     assert f"sums.fit.cost: {fit['cost']!r} -> " in done.output
     assert "1 compared: 0 equal, 1 differ" in done.output
     assert passed.exit_code == passed_over.exit_code == 0
