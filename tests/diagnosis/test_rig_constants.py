@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from math import exp, log
 from pathlib import Path
@@ -11,7 +12,7 @@ from typing import cast
 import pytest
 from scipy.integrate import quad
 
-from fingerlab.diagnosis import diagnose
+from fingerlab.diagnosis import DiagnosisOptions, diagnose
 from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.score.selection import bayes_factor
@@ -29,12 +30,13 @@ def session() -> Session:
     return made.session(made.Bench())
 
 
-def told(session: Session, **wrong: float) -> tuple[Diagnosis, list[str]]:
+def told(session: Session, left_out: Sequence[str] = (), **wrong: float) -> tuple[Diagnosis, list[str]]:
     """The verdict, and what it says of the rig file, of which some constants are so many times too large."""
     finger = session.rig.finger
     assert finger is not None
     finger = replace(finger, **{name: times * getattr(finger, name) for name, times in wrong.items()})
-    found = diagnose([replace(session, rig=replace(session.rig, finger=finger))], with_curves=False)
+    spoilt = replace(session, rig=replace(session.rig, finger=finger))
+    found = diagnose([spoilt], with_curves=False, options=DiagnosisOptions(left_out=left_out))
     return found, [one.sentence for one in found.bench if one.kind == "rig_constant"]
 
 
@@ -43,8 +45,15 @@ def test_a_right_rig_file_is_not_spoken_of(session: Session) -> None:
 
 
 def test_a_length_that_is_too_long_is_told_though_nothing_is_missing(session: Session) -> None:
-    """By a tenth, in a rig file that gives it to 0.2 %: a mass that is a little off takes it up."""
-    found, (sentence,) = told(session, distal_half_length=1.1)
+    """By a tenth, in a rig file that gives it to 0.2 %: a mass that is a little off takes it up.
+
+    So does a spring of 2 mN m/rad along both joints, in a catalogue that has one: what no rig file says is
+    then believed before fifty tolerances are. The length is told beside it.
+    """
+    with_spring, (sentence,) = told(session, distal_half_length=1.1)
+    assert with_spring.final_model == ("joint_coupling",)
+    assert "half length" in sentence
+    found, (sentence,) = told(session, left_out=["joint_coupling"], distal_half_length=1.1)
     assert found.verdict == "nothing_missing"
     assert sentence.endswith("are not what the rig file says, within its tolerance")
     assert "the distal half length (at least 0.50 % lower)" in sentence
