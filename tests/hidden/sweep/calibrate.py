@@ -123,7 +123,7 @@ def read(results: Path) -> tuple[list[KnownTrial], int]:
             failed += 1
             continue
         odds = entry["odds"]
-        truth = tuple(one for one in trial["effects"] if one in odds["effects"]) or (NOTHING,)
+        truth = tuple(one for one in trial["effects"] if _acts(one, entry["phases"])) or (NOTHING,)
         found.append(
             KnownTrial(
                 trial["seed"], trial["source"], (UNKNOWN,) if trial["left_out"] else truth,
@@ -135,6 +135,12 @@ def read(results: Path) -> tuple[list[KnownTrial], int]:
             )
         )  # fmt: skip
     return weighed(sorted(found, key=lambda one: one.seed)), failed
+
+
+def _acts(name: str, phases: str) -> bool:
+    """Whether an effect acts in some of the runs, whose phases are told together."""
+    effect = find_effect(name)
+    return effect is None or not effect.phases or any(phase in phases for phase in effect.phases)
 
 
 FREE: dict[str, tuple[Callable[[float], float], float, float]] = {
