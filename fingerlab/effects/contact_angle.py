@@ -52,8 +52,9 @@ def _face_turn(shape: Shape) -> float:
 
 def _closer(shape: Shape) -> list[Shape]:
     """Turns half-way to the next, and the force that leans from a cell that stands."""
+    turn = shape.get("turn_deg", 0.0)
     steps = (-4.0, 0.0, 4.0) if shape.get("cell_turns") else (0.0,)
-    return [STANDS, *({"cell_turns": 1.0, "turn_deg": shape["turn_deg"] + step} for step in steps)]
+    return [STANDS, *({"cell_turns": 1.0, "turn_deg": turn + step} for step in steps)]
 
 
 EFFECT = Effect(

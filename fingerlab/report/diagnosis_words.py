@@ -123,8 +123,11 @@ def not_asked_sentence(diagnosis: Diagnosis) -> str:
     if "joint_torque" not in diagnosis.errors or "endpoint_force" in diagnosis.errors:
         return ""
     tried = {*(c.effect for c in diagnosis.candidates), *diagnosis.model}
-    names = [in_sentence(effect_title(name)) for name in CATALOGUE if name not in tried]
-    return f"No run tells the force at the fingertip, so {listed(names)} were not asked." if names else ""
+    touching = [name for name, one in CATALOGUE.items() if "contact" in one.phases and name not in tried]
+    if not touching:
+        return ""
+    names = listed([in_sentence(effect_title(name)) for name in touching])
+    return f"No run tells the force at the fingertip, so these were not asked: {names}."
 
 
 def hidden_sentence(diagnosis: Diagnosis) -> str:

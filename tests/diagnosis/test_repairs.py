@@ -78,6 +78,8 @@ def test_the_knock_of_a_tip_that_lands_is_no_spike() -> None:
     assert spikes.tolist() == [glitch]
     assert kept[landings] == pytest.approx(force[landings])
     assert len(without_spikes(force)[1]) > len(landings)  # of another channel each is one
+    force[-3:] = 1000.0  # a stop at the end of the log, with the tip clear before, is none all the same
+    assert without_spikes(force, round(LANDING_S * rate))[1].tolist() == [glitch, *range(9997, 10_000)]
 
 
 def test_a_clean_channel_is_left_as_it_is() -> None:

@@ -216,7 +216,7 @@ def test_what_no_run_can_tell_for_want_of_a_force_is_said_not_to_be_asked(alike)
     open_ = replace(alike, verdict="nothing_missing", errors={"joint_torque": alike.errors["joint_torque"]})
     tried = {c.effect for c in alike.candidates}
     said = set_sentence(open_)
-    assert "No run tells the force at the fingertip, so " in said
+    assert "No run tells the force at the fingertip, so these were not asked: " in said
     for name in ("contact_angle", "contact_compliance", "load_cell_gain"):
         assert name not in tried
         assert in_sentence(effect_title(name)) in said

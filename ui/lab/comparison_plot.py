@@ -47,6 +47,7 @@ from .result_words import failure_words
 
 AXIS_WIDTH = 72
 LEAST_HEIGHT = 156
+"""Pixels: so low that the steps below it stand whole in a low window with letters 1.5 times as large."""
 SHORTEST_VIEW = 0.05
 """Seconds; closer than a few samples there is nothing to see."""
 

@@ -155,9 +155,9 @@ def without_spikes(values: Array, landing_samples: int = 0) -> tuple[Array, Arra
     # So many in a row are a pulse that was measured: a rotor catching up with a cable that hung loose.
     rows = np.split(spikes, np.flatnonzero(np.diff(spikes) > 1) + 1)
     spikes = np.concatenate([row for row in rows if len(row) < PULSE_SAMPLES] or [NONE])
-    spikes = np.union1d(spikes, ends)
     if landing_samples and len(spikes):
         spikes = spikes[~_lands(values, spikes, landing_samples)]
+    spikes = np.union1d(spikes, ends)
     if not len(spikes) or len(spikes) > max(MOST_SPIKES_SHARE * len(values), 1.0):
         return values, NONE
     good = np.ones(len(values), dtype=bool)
