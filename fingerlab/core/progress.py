@@ -102,7 +102,8 @@ def second_process(paths: Sequence[Path], module: str) -> Iterator[Executor | No
         for process in own:  # at once, begun or not: giving back what it holds takes a while, for nothing
             process.terminate()
         for thread in watching:  # one that is still closing its pipe when Python ends says so on the terminal
-            thread.join(ENDING_S)
+            if thread.ident is not None:  # an error came before it began
+                thread.join(ENDING_S)
 
 
 ENDING_S = 2.0

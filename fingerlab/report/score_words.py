@@ -22,7 +22,7 @@ from fingerlab.core.text import (
 from fingerlab.diagnosis.answer.error_parts import EQUATIONS, EquationError, ExcludedByMotion, ScorePart
 from fingerlab.diagnosis.answer.results import Candidate, Diagnosis
 from fingerlab.diagnosis.score.calibration import Verdict
-from fingerlab.diagnosis.settings import LACK_OF_FIT
+from fingerlab.diagnosis.settings import LACK_OF_FIT, RIGID_BODY_SHARE
 from fingerlab.report.diagnosis_words import (
     FAMILY_TITLES,
     PHASE_WORDS,
@@ -245,20 +245,21 @@ def loose_sentence(diagnosis: Diagnosis) -> str:
     )
 
 
-def rubbing_sentence(diagnosis: Diagnosis) -> str:
-    """Why rows may stand many floors above a whole that is near its floor in contact; empty where none does.
+def allowed_sentence(diagnosis: Diagnosis) -> str:
+    """Why rows may stand many floors above a whole that is near its floor; empty where none does.
 
-    A third of what the tip's friction seems to be is noise to the score: no law tells how a tip sticks.
+    A share of the cable's pull is asked of no model, nor a third of what the tip's friction seems to be.
     """
     limit, far = FAR_ABOVE * diagnosis.score, _far_rows(diagnosis)
-    apart = {k: one for k, one in far.items() if one.rmse < limit * math.hypot(one.floor, one.rubbing)}
+    apart = {k: one for k, one in far.items() if one.rmse < limit * math.hypot(one.floor, one.allowed)}
     if not apart:
         return ""
-    allowed = listed([amount(error.rubbing, error.unit, 2) for error in apart.values()])
+    allowed = listed([amount(error.allowed, error.unit, 2) for error in apart.values()])
+    tip = ", and for how a tip sticks and rubs, which is known only about" * ("endpoint_force" in diagnosis.errors)
     return (
-        f"{_row_of(apart)} {'stands' if len(apart) == 1 else 'stand'} that far above the floor in contact: "
-        f"how a tip sticks and rubs is known only about, and the error over all allows {allowed} rms for it, "
-        "which the rows count in full."
+        f"{_row_of(apart)} {'stands' if len(apart) == 1 else 'stand'} that far above the floor: the error over "
+        f"all allows {allowed} rms for what no equation of rigid bodies holds to "
+        f"({percent(RIGID_BODY_SHARE, counted=True)} of the cable's pull){tip}. The rows count it in full."
     )
 
 
@@ -341,7 +342,7 @@ def row_words(diagnosis: Diagnosis) -> str:
     said = (
         below_sentence(diagnosis),
         loose_sentence(diagnosis),
-        unseen_sentence(diagnosis) or rubbing_sentence(diagnosis),
+        unseen_sentence(diagnosis) or allowed_sentence(diagnosis),
         apart_sentence(diagnosis),
     )
     return " ".join(filter(None, said))

@@ -153,7 +153,8 @@ class Comparison:
 class EquationError:
     """Error of one equation family on held-out runs; ``rmse`` and ``floor`` in ``unit``.
 
-    ``rubbing``: what the score takes for the tip's friction in contact on top of the floor, rms in ``unit``.
+    ``allowed``: what the score allows on top of the floor, rms in ``unit``: a share of the cable's pull, and what
+    the tip's friction may do in contact.
     ``seen``: the error where the fit has seen all runs; 0: not looked at.
     """
 
@@ -161,7 +162,7 @@ class EquationError:
     rmse: float
     r2: float
     floor: float
-    rubbing: float = 0.0
+    allowed: float = 0.0
     seen: float = 0.0
 
     def to_json(self) -> dict[str, Any]:

@@ -32,6 +32,7 @@ from fingerlab.diagnosis.settings import (
     LEAST_TENSION_SPREAD_N,
     LEAST_TORQUE_SPREAD,
     MOST_NOISE,
+    RIGID_BODY_SHARE,
     RUN_VARIATION,
     TIP_FRICTION_SPREAD,
 )
@@ -295,9 +296,12 @@ def misfit_floor(model: Model, values: Array, group: Group, weights: Array) -> A
     return _covariance_of(weights)
 
 
-def tip_friction_covariance(model: Model, values: Array, group: Group, weights: Array) -> Array:
-    """What the ``weights`` take for the tip's friction on top of the noise, (5, 5); none without contact."""
-    if not (group.in_contact and group.repeats):
+def allowed_covariance(model: Model, values: Array, group: Group, weights: Array) -> Array:
+    """What the ``weights`` allow on top of the noise, (5, 5): the tip's friction, and what no model is asked.
+
+    None of a motor alone, nor where nothing repeats.
+    """
+    if group.on_bench or not group.repeats:
         return np.zeros_like(weights)
     return _covariance_of(weights) - misfit_floor(model, values, group, weights)
 
@@ -342,9 +346,20 @@ def noise_weights(model: Model, values: Array, group: Group) -> Array:
     covariance = noise_covariance(model, values, group)
     if group.on_bench and group.repeats:
         covariance[Row.BENCH, Row.BENCH] = torque_repeatability(model, values, group)
+    if group.repeats and not group.on_bench:
+        covariance = covariance + _rigid_body_spread(model, group)
     if group.in_contact:
         covariance = covariance + TIP_FRICTION_SPREAD**2 * _rubbing(model, values, group)
     return _inverse(covariance, group.on_bench)
+
+
+def _rigid_body_spread(model: Model, group: Group) -> Array:
+    """Covariance (5, 5) of what the torques' equations of rigid bodies leave at a sample of any finger."""
+    pull = _signal(model.layout, Row.MCP, NO_SHIFT)
+    spread = np.zeros((len(Row), len(Row)))
+    variance = float(group.whole.products[pull, pull]) / max(group.whole.samples, 1)
+    spread[[Row.MCP, Row.PIP], [Row.MCP, Row.PIP]] = RIGID_BODY_SHARE**2 * variance
+    return spread
 
 
 def torque_repeatability(model: Model, values: Array, group: Group) -> float:

@@ -259,8 +259,20 @@ class FittedModel:
 
         What an effect sets free of which nothing is known, as a moment arm, is told by how it has changed.
         """
-        typical, before = self.sensitivity.strengths, base.values
-        found = []
+        return self._strength(base, self.sensitivity.strengths)
+
+    def strength_of_all(self, base: FittedModel) -> float:
+        """The same of every strength that the last effect's law has, not of those alone that show best.
+
+        A spring that differs at one joint may be hidden there, and be told by the rig's constants.
+        """
+        own, offsets = own_keys(self, self.last_effect), self.last_effect.offsets
+        keys = [key for name, key in own.items() if name not in offsets]
+        index, unknowns = self.model.index, self.model.unknowns
+        return self._strength(base, {key: unknowns[index[key]].parameter.typical for key in keys})
+
+    def _strength(self, base: FittedModel, typical: Mapping[str, float]) -> float:
+        before, found = base.values, []
         for key, size in typical.items():
             one = self.model.unknowns[self.model.index[key]]
             usual = before.get(key, 0.0) if one.parameter.open and not one.effect else 0.0

@@ -270,9 +270,11 @@ def bayes_factor(base: FittedModel, fitted: FittedModel, fall: float, needed: fl
     rise = DECIDING_LOG_ODDS * fall / needed
     back = 0.5 * (base.constants_off - fitted.constants_off) if found > 0.0 else 0.0
     log_likely = np.minimum(rise * (1.0 - short**2) - 0.5 * width * beyond**2, np.log(MOST_ODDS))
-    # Constants that come back at one strength go off again beyond it.
-    away = short**2 + (beyond / found) ** 2 if back > 0.0 else short**2
-    return float(np.exp(log_likely + back * (1.0 - away)).mean())
+    if back <= 0.0:
+        return float(np.exp(log_likely + back * (1.0 - short**2)).mean())
+    # Constants that come back at one strength go off again beyond it, whichever of its parts brings them back.
+    away = strengths / max(fitted.strength_of_all(base), found) - 1.0
+    return float(np.exp(log_likely + back * (1.0 - away**2)).mean())
 
 
 def least_strength(fitted: FittedModel, needed: float) -> float:
