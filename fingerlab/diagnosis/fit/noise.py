@@ -23,7 +23,8 @@ from fingerlab.diagnosis.equations.coefficients import NO_SHIFT
 from fingerlab.diagnosis.equations.features import Layout
 from fingerlab.diagnosis.equations.model import Model
 from fingerlab.diagnosis.equations.parameters import RUBS, SLIPS
-from fingerlab.diagnosis.gram.state_law import left_out_covariance
+from fingerlab.diagnosis.gram.run_constants import OF_TORQUE
+from fingerlab.diagnosis.gram.state_law import left_out_covariance, without_run_means
 from fingerlab.diagnosis.gram.sums import Group, Reduced
 from fingerlab.diagnosis.settings import (
     GRAM_RIDGE,
@@ -142,16 +143,30 @@ def fill_missing_noise(reduced: Reduced) -> None:
             variance = torque_noise(reduced)
             bounded = variance == 0.0
             if bounded:
-                late = reduced.late_is_no_noise or reduced.layout.late_torque
-                found = [left_out_covariance(g.state_products, late=late, in_parts=g.in_parts) for g in alike]
-                variance = max((float(one[0, 0]) for one in found if one is not None), default=0.0)
-                variance *= reduced.torque_noise.share
+                constants = reduced.constants
+                moves = constants is not None and bool(constants.spreads[OF_TORQUE] > 0.0)
+                variance = reduced.torque_noise.share * untold_variance(reduced, alike, moves)
             signal = _signal(reduced.layout, Row.BENCH, None)
             noise = np.zeros((reduced.layout.signal_count,) * 2)
             noise[signal, signal] = variance
             for group in alike if variance > 0 else []:
                 group.bounded = bounded
             _share_noise(alike if variance > 0 else [], noise, 1.0)
+
+
+def untold_variance(reduced: Reduced, groups: Sequence[Group], zeros_move: bool) -> float:
+    """Variance that no law of the state tells of a motor's torque, (N m)^2; 0: not known.
+
+    Args:
+        zeros_move: whether every run's torque has a constant of its own beside that law.
+    """
+    late = reduced.late_is_no_noise or reduced.layout.late_torque
+    runs = [without_run_means(g.state_products) if zeros_move else g.state_products for g in groups]
+    found = [
+        left_out_covariance(each, late=late, in_parts=g.in_parts)
+        for each, g in zip(runs, groups, strict=True)
+    ]
+    return max((float(one[0, 0]) for one in found if one is not None), default=0.0)
 
 
 DERIVATIVES = {"bench_trace": 1, "bench_inertia": 2, "rotor_inertia": 2}

@@ -26,6 +26,7 @@ from fingerlab.sessions.model import CABLE_NAMES, Array
 
 SOURCES = ("mcp_angle", "pip_angle", "motor_torque", "motor_position", "endpoint_force")
 """Channels whose zero may be another one in every run; rad, rad, N m, rad, N."""
+OF_TORQUE = SOURCES.index("motor_torque")
 KINDS = ((0, 1), (2,), (3,), (4,))
 """Sources that scatter alike: whoever clamps one joint's sensor anew does so with the other."""
 OF_CABLE = (0, 2)

@@ -180,6 +180,17 @@ def _of_parts(parts: Sequence[Array], signal_count: int, late: bool) -> Array | 
     return found
 
 
+def without_run_means(runs: Sequence[Sequence[Array]]) -> list[list[Array]]:
+    """The same products of signals of which every run has had its own mean taken off, but for the constant."""
+    result = []
+    for blocks in runs:
+        whole = sum(blocks[1:], blocks[0])
+        centred = np.eye(len(whole))
+        centred[1:, 0] = -whole[1:, 0] / max(float(whole[0, 0]), 1.0)
+        result.append([centred @ block @ centred.T for block in blocks])
+    return result
+
+
 def variance_of_noise(runs: Sequence[Sequence[Array]]) -> float:
     """Variance that a law with memory leaves of a motor's torque, or laws of each run's own if that is less.
 

@@ -20,10 +20,12 @@ from fingerlab.diagnosis.equations.features import FORCE, Layout
 from fingerlab.diagnosis.equations.model import Choice, Model
 from fingerlab.diagnosis.equations.parameters import TORQUE_LAG
 from fingerlab.diagnosis.fit.data import Weights
+from fingerlab.diagnosis.fit.noise import untold_variance
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.gram.run_constants import (
     KINDS,
     OF_CABLE,
+    OF_TORQUE,
     SOURCES,
     EquationWeights,
     RunConstants,
@@ -77,7 +79,8 @@ def settle_constants(reduction: Reduction, scorer: Scorer) -> Scorer:
         free = Scorer(replace(scorer.reduced, fixed={})) if scorer.reduced.fixed else scorer
         bare, rig = free.bare, reduction.sessions[0].rig
         reduction.settle(
-            find_constants(
+            zeros_beside_state_law(reduction, scorer.reduced)
+            or find_constants(
                 scorer.reduced,
                 bare.model,
                 bare.fit.values,
@@ -112,6 +115,24 @@ def torque_is_late(reduction: Reduction, scorer: Scorer) -> bool:
     beside = Scorer(replace(reduction.refined([rubs]), late_is_no_noise=True))
     rubbing = beside.score_held_out(beside.fit_reweighted([Choice(rubs)], bare))
     return rubbing.misfit - lagging.misfit > 2.0 * DECIDING_LOG_ODDS
+
+
+def zeros_beside_state_law(reduction: Reduction, reduced: Reduced) -> RunConstants | None:
+    """Zeros of a motor's torque that differ by run, where no motion comes again; None: not enough to matter.
+
+    Only if a law of the state (``gram.state_law``) that has a constant in every run leaves half of what one
+    leaves that has the same in all. A model that was fitted without would bend to them.
+    """
+    bounded = [group for group in reduced.groups if group.bounded]
+    if not bounded or zero_is_confounded(reduction.analysed):
+        return None
+    shared, own = (untold_variance(reduced, bounded, zeros_move) for zeros_move in (False, True))
+    if not own < HALF_LEFT * shared:
+        return None
+    rig, spreads = reduction.sessions[0].rig, np.zeros(len(SOURCES))
+    spreads[OF_TORQUE] = float(np.sqrt(shared - own))
+    shares = {g.key: share_of_equations(g.cable_sign, not g.on_bench, 1.0, {}, rig) for g in bounded}
+    return RunConstants(spreads, shares, by_averages=True)
 
 
 def lag_beside(reduction: Reduction, models: Sequence[FittedModel]) -> FittedModel | None:

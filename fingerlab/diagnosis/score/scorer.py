@@ -30,7 +30,7 @@ from fingerlab.diagnosis.fit.noise import (
 from fingerlab.diagnosis.fit.priors import prior_penalty, starting_arms
 from fingerlab.diagnosis.fit.random_effects import explained, own_share
 from fingerlab.diagnosis.fit.solver import Fitter
-from fingerlab.diagnosis.gram.run_constants import EquationWeights, Offsets, RunConstants
+from fingerlab.diagnosis.gram.run_constants import OF_TORQUE, EquationWeights, Offsets, RunConstants
 from fingerlab.diagnosis.gram.sums import Reduced
 from fingerlab.diagnosis.score.fitted_model import FittedModel, FoldErrors, paired_misfit, sensitivity
 from fingerlab.diagnosis.settings import FULL_ITERATIONS, HOPELESS, MOST_ROUNDS, SETTLED, USUAL_ITERATIONS
@@ -70,7 +70,12 @@ class Scorer:
         return self.fit_reweighted([])
 
     def with_constants(self, constants: RunConstants) -> Scorer:
-        """The same on sessions whose runs have these constants of their own."""
+        """The same on sessions whose runs have these constants of their own.
+
+        Of a motor's torque they are no noise either.
+        """
+        if constants.spreads[OF_TORQUE] > 0.0 and any(g.bounded for g in self.reduced.groups):
+            return Scorer(replace(self.reduced, groups=self._without_bound(), constants=constants))
         other = self.fresh()
         other.reduced = replace(self.reduced, constants=constants)
         other.data = Data(self.reduced.groups, constants)
@@ -79,10 +84,11 @@ class Scorer:
 
     def with_late_told(self) -> Scorer:
         """The same for a motor alone, with a floor that a torque which is logged late does not pass below."""
-        groups = [
-            replace(g, noise_samples=0.0, bounded=False) if g.bounded else g for g in self.reduced.groups
-        ]
-        return Scorer(replace(self.reduced, groups=groups, late_is_no_noise=True))
+        return Scorer(replace(self.reduced, groups=self._without_bound(), late_is_no_noise=True))
+
+    def _without_bound(self) -> list[Group]:
+        """The groups with nothing known of a noise that no law of the state tells."""
+        return [replace(g, noise_samples=0.0, bounded=False) if g.bounded else g for g in self.reduced.groups]
 
     def with_late_torque(self) -> Scorer:
         """The same for a motor alone whose torque may be logged later than its position."""
