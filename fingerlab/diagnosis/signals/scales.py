@@ -6,7 +6,8 @@ lengths and times likewise, and all other units follow (a force is a torque over
 with the machine as the units do, so that two machines that differ by size alone give the same numbers. What
 leaves the diagnosis is multiplied by :meth:`Scales.of` its unit and is SI again. Currents stay, and so do the
 angles of a finger and of a motor that moves by degrees: only a motor alone that moves by much less has a unit
-of angle, for its friction gives way the sooner.
+of angle, for its friction gives way the sooner, and an axis along a line, of which an angle is a way of
+telling alone.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -116,19 +117,35 @@ def find_scales(sessions: Sequence[Session]) -> Scales:
     spreads = [float(torque.std()) for run in bench if len(torque := _moving(run, "motor_torque"))]
     if not spreads:
         return SI
-    revolute = not any(isinstance(session.rig.extra.get("axis"), Mapping) for session in sessions)
+    arc = next((radius for session in sessions if (radius := _arc_of(session)) > 0.0), 0.0)
     size = _relative(float(np.median(spreads)), USUAL_TORQUE_SPREAD)
-    return Scales(size, 1.0, _time_of(bench, revolute), _angle_of(bench, revolute))
+    return Scales(size, 1.0, _time_of(bench, "line" if arc else "turns"), _angle_of(bench, arc))
 
 
-def _angle_of(runs: Sequence[Run], revolute: bool) -> float:
+Axis = Literal["finger", "turns", "line"]
+"""What a motor moves: a finger, itself alone, which may turn on, or something along a line."""
+
+
+def _arc_of(session: Session) -> float:
+    """Radius (m) of the arc as which an axis along a line is told; 0 of one that turns."""
+    axis = session.rig.extra.get("axis")
+    radius = axis.get("radius_m") if isinstance(axis, Mapping) else None
+    return float(radius) if isinstance(radius, int | float) and radius > 0 else 0.0
+
+
+def _angle_of(runs: Sequence[Run], arc: float) -> float:
     """The unit of angle in which the run that goes furthest moves by degrees; 1 where it does so anyway.
 
-    By octaves, so that recordings of one machine agree.
+    By octaves, so that recordings of one machine agree: of an axis along a line by those of its way, so that
+    they agree whichever ``arc`` (radius, m; 0: none) it is told as.
     """
     travels = [float(position.std()) for run in runs if len(position := _moving(run, "motor_position"))]
-    travel, least = max(travels, default=0.0), LEAST_TURN if revolute else USUAL_TRAVEL
-    return 1.0 if not travel > STILL_RAD else 2.0 ** min(math.floor(math.log2(travel / least)), 0)
+    travel = max(travels, default=0.0)
+    if not travel > STILL_RAD:
+        return 1.0
+    if arc > 0.0:
+        return float(2.0 ** math.floor(math.log2(travel * arc / USUAL_TRAVEL)) / arc)
+    return float(2.0 ** min(math.floor(math.log2(travel / LEAST_TURN)), 0))
 
 
 def is_still(position: Array) -> bool:
@@ -151,9 +168,8 @@ def _length_of(finger: Finger) -> float:
     return finger.proximal_half_length + finger.distal_half_length
 
 
-def _time_of(runs: Sequence[Run], turns: bool = False) -> float:
-    """``turns``: the motor is one that can turn on, and no axis along a line."""
-    paces = [pace for run in runs if (pace := _pace(run, turns)) > 0]
+def _time_of(runs: Sequence[Run], axis: Axis = "finger") -> float:
+    paces = [pace for run in runs if (pace := _pace(run, axis)) > 0]
     if not paces:
         return 1.0
     # Of a quick run among slow ones a band as narrow as theirs would leave nothing.
@@ -189,20 +205,23 @@ def _moving(run: Run, channel: str, most: int = PACE_SAMPLES) -> Array:
     return values if len(values) >= 16 and np.isfinite(values).all() else np.zeros(0)
 
 
-def _pace(run: Run, turns: bool = False) -> float:
+def _pace(run: Run, axis: Axis) -> float:
     """Speed over travel of the motor, both root mean square, rad/s per rad; 0 where it does not move.
 
     Of the strongest lines of its motion, so that neither noise nor the encoder's steps count. What depends on
-    the angle comes again the sooner, the further it moves; of a motor that turns on its torque says how soon.
+    the angle comes again the sooner, the further it moves; of a motor that turns on its torque says how soon,
+    and of an axis along a line, which has no turn.
     """
     frequency, amplitude = commanded_frequency(run), run.trajectory.get("amplitude_deg")
     if frequency is not None:
         swing = math.radians(float(amplitude)) if isinstance(amplitude, int | float) else 0.0
-        return 2.0 * math.pi * frequency * max(1.0, abs(swing) / math.sqrt(2.0) / USUAL_TRAVEL)
+        further = 1.0 if axis == "line" else max(1.0, abs(swing) / math.sqrt(2.0) / USUAL_TRAVEL)
+        return 2.0 * math.pi * frequency * further
     pace, travel, turned = _motion_of(run)
-    if not (turns and turned):
+    by_torque = turned or axis == "line"
+    if axis == "finger" or not by_torque:
         pace *= max(1.0, travel / USUAL_TRAVEL)
-    return max(pace, _torque_pace(run)) if turned else pace
+    return max(pace, _torque_pace(run)) if by_torque else pace
 
 
 def fastest_speed(runs: Sequence[Run]) -> float:
