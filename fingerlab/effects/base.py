@@ -467,6 +467,18 @@ def rubbing(
     return around
 
 
+def falling(around: Closer) -> Closer:
+    """Of Stribeck friction: what goes by the speed turns round before it falls with the speed.
+
+    One that falls while it still turns round is viscous friction in other words, and a larger one at that.
+    """
+
+    def slower(shape: Shape) -> Sequence[Shape]:
+        return [one for one in around(shape) if one.get(REVERSAL_SPEED, 0.0) <= one["stribeck_speed"]]
+
+    return slower
+
+
 def with_damping(undamped: Closer) -> Closer:
     """Friction of a motor alone, whose sticking may be damped, too; what it is undamped stays in sight.
 

@@ -20,6 +20,7 @@ from fingerlab.effects.base import (
     Shape,
     Term,
     every,
+    falling,
     rubbing,
     times,
     with_damping,
@@ -100,7 +101,7 @@ EFFECT = Effect(
     shape_units={"stribeck_speed": "rad/s", REVERSAL_SPEED: "rad/s", STICK_DAMPING: "s"},
     shapes_seen=_seen,
     switches_seen=(ALONE,),
-    closer=_closer,
+    closer=falling(_closer),
     bench=True,
     formula=Formula(
         equation=r"\tau_m = z(\theta_m;\delta)\left(C + E\,e^{-(\dot\theta_m/v_s)^2}\right)",

@@ -16,6 +16,7 @@ from fingerlab.effects.base import (
     Shape,
     Term,
     every,
+    falling,
     rubbing,
     times,
 )
@@ -70,9 +71,13 @@ EFFECT = Effect(
         for travel in travels
     ),
     shape_units={"stribeck_speed": "rad/s", "travel_deg": "deg", REVERSAL_SPEED: "rad/s"},
-    closer=every(
-        times("stribeck_speed", SPEED_FACTORS),
-        rubbing(sharpnesses=(0.0, 1.0), speed_factors=OCTAVE, by_speed=True, least_speed=LEAST_JOINT_SPEED),
+    closer=falling(
+        every(
+            times("stribeck_speed", SPEED_FACTORS),
+            rubbing(
+                sharpnesses=(0.0, 1.0), speed_factors=OCTAVE, by_speed=True, least_speed=LEAST_JOINT_SPEED
+            ),
+        )
     ),
     formula=Formula(
         equation=r"\tau_j = z(\theta_j;\delta)\left(C_j + E_j\,e^{-(\dot\theta_j/v_s)^2}\right)",
