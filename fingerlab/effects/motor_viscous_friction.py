@@ -1,13 +1,27 @@
-"""Viscous friction in motor and gearbox."""
+"""Viscous friction in motor and gearbox, and the drag of a fluid that is stirred."""
+
+from collections.abc import Sequence
+
+import numpy as np
 
 from fingerlab.effects.base import BOTH_JOINTS, Effect, Example, Formula, Row, Shape, Term
 from fingerlab.effects.transmission import drive_terms
 from fingerlab.physics.motion import Motion
 from fingerlab.physics.parameter import Parameter
 
+TURBULENT = "turbulent"
+"""Switch of a shape: what drags grows with the square of the speed, too, as of a fan or through an orifice."""
+
 
 def columns(motion: Motion, shape: Shape) -> list[Term]:
-    return drive_terms(motion, "viscous", motion.velocity)
+    terms = drive_terms(motion, "viscous", motion.velocity)
+    if shape.get(TURBULENT):
+        terms += drive_terms(motion, TURBULENT, motion.velocity * np.abs(motion.velocity))
+    return terms
+
+
+def _seen(motions: Sequence[Motion]) -> tuple[Shape, ...]:
+    return {}, {TURBULENT: 1.0}
 
 
 EFFECT = Effect(
@@ -18,7 +32,8 @@ EFFECT = Effect(
     gains={
         "viscous": Parameter(
             "N m s/rad", 0.0, 0.02, 0.001, title="viscous coefficient", varies_between_runs=True
-        )
+        ),
+        TURBULENT: Parameter("N m s^2/rad^2", 0.0, 0.02, 0.001, title="drag by the square of the speed"),
     },
     columns=columns,
     coordinate="motor speed",
@@ -27,17 +42,28 @@ EFFECT = Effect(
     reveal="a motor-bench run at several speeds",
     reveal_of_an_axis="runs at several speeds",
     mend="Use a thinner grease in the gearbox, let it warm up, or move more slowly.",
+    shapes_seen=_seen,
+    switches_seen=(TURBULENT,),
     bench=True,
     followed={"viscous": "Motor friction, viscous"},
     like_late_torque=True,
     formula=Formula(
-        equation=r"\tau_m = B\,\dot\theta_m",
-        symbols="B: viscous coefficient at the gearbox output.",
-        source="Friction in proportion to speed (Olsson et al. 1998), at the gearbox output.",
-        values={"viscous": "B"},
+        equation=r"\tau_m = B\,\dot\theta_m + D\,\dot\theta_m\,|\dot\theta_m|",
+        symbols=(
+            "B: viscous coefficient at the gearbox output. D: drag of a flow that is turbulent, which is tried "
+            "of a motor alone."
+        ),
+        source=(
+            "Friction in proportion to speed (Olsson et al. 1998), at the gearbox output; drag by the square of "
+            "the speed (Rayleigh 1876), as of a fan or an orifice."
+        ),
+        values={"viscous": "B", TURBULENT: "D"},
         alike=("viscous_friction", "motor_stribeck_friction"),
     ),
     example=Example(
-        {}, {"velocity": 3.0}, {"MCP viscous": 300.0, "PIP viscous": 300.0, "CABLE viscous": 300.0}
+        {TURBULENT: 1.0},
+        {"velocity": -3.0},
+        {"BENCH viscous": -3.0, "BENCH turbulent": -9.0},
+        on_bench=True,
     ),
 )

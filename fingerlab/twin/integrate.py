@@ -268,7 +268,8 @@ def advance_motor(
     state.current += lag * (command - before)
     drive = plant.torque_constant * 0.5 * (before + state.current)
     rub = dry_friction(friction, memory, MOTOR, step * state.omega, omega, load, step)
-    resist = rub + plant.motor_viscous * omega + plant.motor_spring * state.theta
+    resist = rub + (plant.motor_viscous + plant.motor_drag * abs(omega)) * omega
+    resist += plant.motor_spring * state.theta
     if plant.ripple > 0.0:
         angle = plant.ripple_order * state.theta + plant.ripple_phase
         resist += plant.ripple * (math.sin(angle) + 0.3 * math.sin(2.0 * angle))

@@ -75,6 +75,7 @@ PLANT = np.dtype(
             "torque_constant",  # N m/A at the output, gear ratio included
             "inertia",  # kg m^2
             "motor_viscous",  # N m s/rad
+            "motor_drag",  # N m s^2/rad^2, by the square of the speed
             "motor_spring",  # N m/rad
             "ripple",  # N m
             "ripple_order",  # per revolution of the output
