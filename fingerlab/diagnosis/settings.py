@@ -37,6 +37,9 @@ USUAL_TORQUE_SPREAD = 0.04
 tells; assumed."""
 BAND_OVER_HALF = 1.25
 """Cutoff over the frequency below which half of the torque's variance is, if a motor turns on; assumed."""
+OVER_NOISE = 10.0
+"""A line of a spectrum is none of noise that has so many times the mean power of those of its upper half: of
+20,000 lines of white noise one has."""
 USUAL_TRAVEL = 0.2
 """A motor that moves further has travelled this far, root mean square, rad, as far as its pace is concerned:
 16 degrees to either side, as in the thesis' protocol."""

@@ -28,6 +28,7 @@ from fingerlab.diagnosis.settings import (
     LEAST_TURN,
     MOVING_SHARE,
     NARROW_CUTOFF_HZ,
+    OVER_NOISE,
     PACE_SAMPLES,
     QUICKER_OCTAVES,
     QUICKEST_OCTAVES,
@@ -252,15 +253,17 @@ def _motion_of(run: Run) -> tuple[float, float, bool]:
 def _torque_pace(run: Run) -> float:
     """The pace at which the torque of a motor that turns on is seen, rad/s per rad.
 
-    Teeth and poles pass more often than it turns: half of the torque's variance lies well within the band.
+    Teeth and poles pass more often than it turns: half of the torque's variance lies well within the band, of
+    the lines that are no noise, nor spikes.
     """
     torque = _moving(run, "motor_torque")
     if not len(torque):
         return 0.0
-    power = np.cumsum(np.abs(np.fft.rfft((torque - torque.mean()) * np.hanning(len(torque)))) ** 2)
-    if not len(power) or not power[-1] > 0:
+    power = np.abs(np.fft.rfft((torque - torque.mean()) * np.hanning(len(torque)))) ** 2
+    told = np.cumsum(np.where(power > OVER_NOISE * power[len(power) // 2 :].mean(), power, 0.0))
+    if not len(told) or not told[-1] > 0:
         return 0.0
-    half = int(np.searchsorted(power, 0.5 * power[-1])) * run.sample_rate_hz / len(torque)
+    half = int(np.searchsorted(told, 0.5 * told[-1])) * run.sample_rate_hz / len(torque)
     return USUAL_PACE * BAND_OVER_HALF * half / NARROW_CUTOFF_HZ
 
 
