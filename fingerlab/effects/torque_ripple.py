@@ -26,6 +26,7 @@ LINES = ("order", "second_order", "third_order")
 Teeth, poles and an amplifier's offset repeat at orders that have nothing to do with each other."""
 ANOTHER_LINE = 0.05
 """Share of the strongest line's power from which on one that is no multiple of it is another one; assumed."""
+CLOSEST_STEPS = tuple(sign * 2.0**k for k in (-3, -5, -7) for sign in (-1.0, 1.0))
 WEIGHT = "weight"
 """Switch of a shape: the torque goes with sine and cosine of the angle, as the weight of a link does."""
 WEIGHS = {"order": 1.0, WEIGHT: 1.0}
@@ -101,15 +102,24 @@ def _closer(shape: Shape) -> Sequence[Shape]:
         return (shape,)
     if LINES[1] in shape:
         moved = [
-            {**shape, name: shape[name] + k / 4} for name in LINES if name in shape for k in (-2, -1, 1, 2)
+            {**shape, name: shape[name] + step}
+            for name in LINES
+            if name in shape
+            for step in (-0.5, -0.25, 0.25, 0.5, *_closest(shape[name]))
         ]
         return [shape, *moved]
     # Below the usual orders a finger's motor turns by less than a period: what does not come again is a
     # spring.
     least = RIPPLE_ORDERS[0] if shape["order"] >= RIPPLE_ORDERS[0] else shape["order"] / 2.0
-    near = [order for k in range(-6, 7) if (order := shape["order"] + k / 2) >= least]
+    steps = (*(k / 2 for k in range(-6, 7)), *_closest(shape["order"]))
+    near = [order for step in steps if (order := shape["order"] + step) >= least]
     doubles = [2.0 * order for order in near if 2.0 * order <= RIPPLE_ORDERS[-1]]
     return [{"order": order} for order in sorted({*near, *doubles})]
+
+
+def _closest(order: float) -> Sequence[float]:
+    """Small steps from the order of a line that is at no quarter: its peak tells it about."""
+    return () if 4.0 * order == round(4.0 * order) else CLOSEST_STEPS
 
 
 def _limits(shape: Shape) -> Limits | None:

@@ -26,6 +26,8 @@ HIGHEST_ORDER = 300.0
 """Beyond, the encoder's own error repeats; assumed: three times a motor of 14 poles and 12 slots."""
 LINE_WIDTHS = 2.0
 """A line under Hann's window reaches so many periods within the travel to either side."""
+WHOLE_SHARE = 1 / 16
+"""Share of a line's width by which noise and other lines may move its peak; assumed."""
 LEAST_PERIODS = 2.0
 """A line is told by so many periods within the travel at least."""
 BINS_A_TURN = 2048
@@ -223,7 +225,7 @@ def strongest_lines(motions: Sequence[Motion]) -> dict[float, float]:
     Of what a smooth law of angle, speed, acceleration and load leaves.
 
     Returns:
-        Share of the strongest line's power by order, in periods a turn, told in quarters.
+        Share of the strongest line's power by order, in periods a turn, told in quarters where it is at one.
     """
     travel = float(np.median([np.ptp(one.position) for one in motions]))
     size = 1 << math.ceil(math.log2(4.0 * BINS_A_TURN * max(travel / (2.0 * math.pi), 1.0)))
@@ -232,10 +234,11 @@ def strongest_lines(motions: Sequence[Motion]) -> dict[float, float]:
         power += np.abs(np.fft.rfft(_over_angle(one)[:size], size)) ** 2
     orders = np.arange(len(power)) * BINS_A_TURN / size
     width = 2.0 * math.pi / max(travel, 1e-9)  # of a line, in orders
+    turns = all(one.revolute for one in motions)
     places = np.flatnonzero((orders >= LEAST_PERIODS * width) & (orders <= HIGHEST_ORDER))
     found: dict[float, float] = {}
     for place in places[np.argsort(-power[places], kind="stable")]:
-        order = round(4.0 * float(orders[place])) / 4.0
+        order = _order_of(power, int(place), BINS_A_TURN / size, width if turns else 0.0)
         if (
             power[place] > 0
             and order > 0
@@ -246,6 +249,23 @@ def strongest_lines(motions: Sequence[Motion]) -> dict[float, float]:
             break
     strongest = next(iter(found.values()), 1.0)
     return {order: each / strongest for order, each in found.items()}
+
+
+def _order_of(power: Array, place: int, step: float, width: float) -> float:
+    """Order of the line at a ``place`` of a spectrum over the angle, whose places are ``step`` orders apart.
+
+    By the parabola through the logarithms of its power and its neighbours'. Teeth and poles are whole numbers:
+    a quarter that is as near as a line can be told, by its ``width`` in orders, is the order. An axis that has
+    no turn gives no width.
+    """
+    shift = 0.0
+    if 0 < place < len(power) - 1 and power[place - 1 : place + 2].min() > 0.0:
+        before, here, after = np.log(power[place - 1 : place + 2])
+        bend = before - 2.0 * here + after
+        shift = float(np.clip(0.5 * (before - after) / bend, -0.5, 0.5)) if bend < 0.0 else 0.0
+    order = (place + shift) * step
+    quarter = round(4.0 * order) / 4.0
+    return quarter if abs(order - quarter) < WHOLE_SHARE * width else round(order, 4)
 
 
 def _over_angle(motion: Motion) -> Array:
