@@ -184,11 +184,15 @@ def screen_unit(si: str, largest: float) -> ScreenUnit:
     if si == "deg" or si.startswith("deg/"):
         return ScreenUnit("°" + si[3:], 1.0)
     if si == "kg":
-        return ScreenUnit("g", 1e3)
+        return ScreenUnit("g", 1e3) if largest < 1.0 else ScreenUnit("kg", 1.0)
+    if si == "kg m^2" and largest >= 1.0:
+        return ScreenUnit("kg m²", 1.0)
     if si == "kg m^2":
         return ScreenUnit("g cm²", 1e7) if largest < 1e-3 else ScreenUnit("kg cm²", 1e4)
     if si == "s":
         return ScreenUnit("ms", 1e3) if largest < 1.0 else ScreenUnit("s", 1.0)
+    if si.startswith("N m") and largest >= 1e4:
+        return ScreenUnit("k" + _pretty(si), 1e-3)
     if si.startswith("N m") or (si.startswith("N") and 0 < largest < 0.1):
         return ScreenUnit("m" + _pretty(si), 1e3) if largest < 1.0 else ScreenUnit(_pretty(si), 1.0)
     return ScreenUnit(_pretty(si), 1.0)

@@ -662,6 +662,9 @@ LEADING_SHARE = 0.5
 recordings are likelier with them; assumed: others are seldom what is missing, and each costs a fit."""
 SAME_COST_SHARE = 1e-3
 """Effects whose costs differ by less than this share leave the same noise, and set the same weights."""
+CLEARLY_OFF = 3.0
+"""A constant is not the rig file's from so many standard deviations on, of its tolerance and of what the runs
+tell together: one bench in 370."""
 BEYOND_TOLERANCE, LEFT_BEYOND_TOLERANCE = 10.0, 0.05
 """A rig file's constant is told to be wrong where up to so many times its tolerance takes off this share of
 what is left: of right ones beside laws that are nearly right 0 to 3 %, of wrong ones 11 to 64 %."""

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fingerlab.core.text import fixed, listed, screen_unit
+from fingerlab.core.text import amount, fixed, listed, screen_unit
 from fingerlab.diagnosis.answer.results import BenchFinding
 from fingerlab.diagnosis.equations.coefficients import DELAY
 from fingerlab.diagnosis.equations.features import Layout
@@ -17,14 +17,17 @@ from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.gram.run_constants import SOURCES, Offsets
 from fingerlab.diagnosis.score.fitted_model import FittedModel, at_bound, at_found_shapes
 from fingerlab.diagnosis.score.scorer import Scorer
+from fingerlab.diagnosis.score.selection import lacks_fit
 from fingerlab.diagnosis.settings import (
     AT_BOUND,
     BEYOND_TOLERANCE,
+    CLEARLY_OFF,
     FULL_ITERATIONS,
     LEAST_MOVED,
     LEAST_SPIKES,
     LEFT_BEYOND_TOLERANCE,
     LONGEST_STRETCH_S,
+    NEARLY_RIGHT,
     REPORTED_OFFSET,
     REPORTED_SHARE,
     REPORTED_SKEW_S,
@@ -54,6 +57,8 @@ from fingerlab.diagnosis.signals.reading_errors import (
 from fingerlab.diagnosis.signals.scales import as_recorded
 from fingerlab.sessions.model import CHANNEL_UNITS
 
+BENCH_INERTIA = "bench_inertia"
+"""Unknown of a motor alone: all that turns with it."""
 SENSORS = {"mcp_angle": "MCP sensor", "pip_angle": "PIP sensor", "motor_position": "motor's encoder"}
 
 
@@ -74,6 +79,7 @@ def bench_findings(
         *_skew(reduction, last),
         *_readings(reduction, last),
         *_rig_constants(reduction, last),
+        *_inertia_alone(reduction, last),
         *_spikes(reduction),
         *_lost(reduction),
         *_repeated(reduction),
@@ -259,6 +265,29 @@ def _rig_constants(reduction: Reduction, last: FittedModel) -> list[BenchFinding
         )
     said = f"By these runs {listed(off)} {are} not what the rig file says, within its tolerance"
     return [BenchFinding("rig_constant", "rig", float(len(off)), "constants", (), said, advice)]
+
+
+def _inertia_alone(reduction: Reduction, last: FittedModel) -> list[BenchFinding]:
+    """The inertia of a motor alone, which any fit is free to find, where it is not that of the rig file.
+
+    Only of a model that leaves little: what one lacks may look like an inertia.
+    """
+    rig, place = reduction.rig, last.model.index.get(BENCH_INERTIA)
+    if not rig.motor.inertia or place is None or lacks_fit(last, NEARLY_RIGHT):
+        return []
+    size = reduction.scales.of("kg m^2")
+    found = size * float(last.fit.values[place])
+    known_to = size * float(np.sqrt(max(last.fit.covariance[place, place], 0.0)))
+    tolerance = rig.tolerance_of("inertia") * rig.motor.inertia
+    if not abs(found - rig.motor.inertia) > CLEARLY_OFF * float(np.hypot(tolerance, known_to)):
+        return []
+    said = (
+        f"By these runs the inertia is {amount(found, 'kg m^2')}, and "
+        f"{amount(rig.motor.inertia, 'kg m^2')} ± {_number(100.0 * rig.tolerance_of('inertia'))} % by "
+        "the rig file"
+    )
+    advice = "correct it there, or look for what turns with the motor that should not, or does not that should"
+    return [BenchFinding("rig_constant", "rig", found, "kg m^2", (), said, advice)]
 
 
 def _lies_beyond(reduction: Reduction, last: FittedModel, keys: Sequence[str]) -> bool:
