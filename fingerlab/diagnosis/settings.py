@@ -283,9 +283,9 @@ deviation; assumed. It is as good as noise to all else: only the tip's own law c
 LEAST_TENSION_SPREAD_N = 1e-3
 """No equation of a joint is trusted beyond this spread, N: about a tenth of the sensors' resolution."""
 RIGID_BODY_SHARE = 0.002
-"""... nor beyond this share of the cable's pull, root mean square; assumed: bearings have play, and a cable's arm
-is the radius of what it lies on to a hundredth. A law that tells less than that is nobody's to mend, however
-well a bench repeats: simulated ones do to a few thousandths."""
+"""... nor beyond this share of the cable's pull, root mean square; assumed: bearings have play, and a cable's
+arm is the radius of what it lies on to a hundredth. A law that tells less than that is nobody's to mend,
+however well a bench repeats: simulated ones do to a few thousandths."""
 LEAST_LENGTH_SPREAD_M = 5e-7
 """The same of the cable's length, m."""
 LEAST_TORQUE_SPREAD = 1e-6
@@ -362,6 +362,8 @@ AS_WELL_TOLD = 3.0
 """Nats up to which the joints' zeros may have moved instead of the motor's, or the other way: 20 to 1."""
 REPORTED_OFFSET = 3.0
 """A zero is said to move that moves by so many times what it is known to; assumed."""
+REPORTED_ONE_SIDED = 0.1
+"""Share of a motor's friction from which on a constant torque may be more of it in one direction; assumed."""
 REPORTED_SHARE = 0.4
 """... and by this share of what the zero that moves most does; assumed."""
 REPORTED_ZERO_DEG = 0.1

@@ -10,7 +10,7 @@ from fingerlab.physics.motion import Motion
 from fingerlab.physics.parameter import Parameter
 
 TURBULENT = "turbulent"
-"""Switch of a shape: what drags grows with the square of the speed, too, as of a fan or through an orifice."""
+"""Switch of a shape: drag grows with the square of the speed, too, as of a fan or through an orifice."""
 
 
 def columns(motion: Motion, shape: Shape) -> list[Term]:
@@ -22,6 +22,15 @@ def columns(motion: Motion, shape: Shape) -> list[Term]:
 
 def _seen(motions: Sequence[Motion]) -> tuple[Shape, ...]:
     return {}, {TURBULENT: 1.0}
+
+
+def _of_an_axis(shape: Shape) -> str:
+    if shape.get(TURBULENT):
+        return (
+            "The motor's equation misses a torque that grows with the square of its speed, as that of a fan "
+            "or of a fluid that is pressed through an orifice."
+        )
+    return "The motor's equation misses a torque, in proportion to motor speed."
 
 
 EFFECT = Effect(
@@ -40,6 +49,7 @@ EFFECT = Effect(
     equation=Row.PIP,
     explanation=f"{BOTH_JOINTS}, in proportion to motor speed.",
     reveal="a motor-bench run at several speeds",
+    of_an_axis=_of_an_axis,
     reveal_of_an_axis="runs at several speeds",
     mend="Use a thinner grease in the gearbox, let it warm up, or move more slowly.",
     shapes_seen=_seen,
@@ -50,12 +60,12 @@ EFFECT = Effect(
     formula=Formula(
         equation=r"\tau_m = B\,\dot\theta_m + D\,\dot\theta_m\,|\dot\theta_m|",
         symbols=(
-            "B: viscous coefficient at the gearbox output. D: drag of a flow that is turbulent, which is tried "
-            "of a motor alone."
+            "B: viscous coefficient at the gearbox output. D: drag of a flow that is turbulent, which is "
+            "tried of a motor alone."
         ),
         source=(
-            "Friction in proportion to speed (Olsson et al. 1998), at the gearbox output; drag by the square of "
-            "the speed (Rayleigh 1876), as of a fan or an orifice."
+            "Friction in proportion to speed (Olsson et al. 1998), at the gearbox output; drag by the square "
+            "of the speed (Rayleigh 1876), as of a fan or an orifice."
         ),
         values={"viscous": "B", TURBULENT: "D"},
         alike=("viscous_friction", "motor_stribeck_friction"),

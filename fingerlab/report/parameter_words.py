@@ -60,7 +60,10 @@ TITLES = {
     "lateral_rub": ("Friction coefficient of the tip", "1"),
     "tip_tilt": ("Tilt of the pressed face", "1"),
     "tip_compliance": ("Compliance of tip and load cell", "m/N"),
-    **{name: (f"Friction of the tip that slides, {grip} contact", "1") for name, grip in zip(SLIPS, GRIPS, strict=True)},
+    **{
+        name: (f"Friction of the tip that slides, {grip} contact", "1")
+        for name, grip in zip(SLIPS, GRIPS, strict=True)
+    },
     **{
         f"{CHANGED_OFFSET}{k}": (f"Offset of the cable, more with change {k}", "m")
         for k in range(1, MOST_CHANGES + 1)

@@ -255,7 +255,9 @@ def allowed_sentence(diagnosis: Diagnosis) -> str:
     if not apart:
         return ""
     allowed = listed([amount(error.allowed, error.unit, 2) for error in apart.values()])
-    tip = ", and for how a tip sticks and rubs, which is known only about" * ("endpoint_force" in diagnosis.errors)
+    tip = ", and for how a tip sticks and rubs, which is known only about" * (
+        "endpoint_force" in diagnosis.errors
+    )
     return (
         f"{_row_of(apart)} {'stands' if len(apart) == 1 else 'stand'} that far above the floor: the error over "
         f"all allows {allowed} rms for what no equation of rigid bodies holds to "
@@ -507,7 +509,12 @@ def how_to_add(diagnosis: Diagnosis) -> str:
     if not added:
         return ""
     it = "it" if len(added) == 1 else "them"
-    text = f"To put {it} into the model: {_options((*diagnosis.model, *added))}"
+    aim = f"put {it} into the model"
+    if diagnosis.verdict == Verdict.NOT_IN_CATALOGUE:
+        aim = (
+            f"see what {'it leaves' if len(added) == 1 else 'they leave'}, though what is missing is another"
+        )
+    text = f"To {aim}: {_options((*diagnosis.model, *added))}"
     if diagnosis.verdict != Verdict.MISSING_EFFECT or not diagnosis.candidates:
         return text
     best = shown_best_first(diagnosis)[0]

@@ -29,6 +29,7 @@ from fingerlab.diagnosis.settings import (
     LONGEST_STRETCH_S,
     NEARLY_RIGHT,
     REPORTED_OFFSET,
+    REPORTED_ONE_SIDED,
     REPORTED_SHARE,
     REPORTED_SKEW_S,
     REPORTED_ZERO_DEG,
@@ -57,8 +58,8 @@ from fingerlab.diagnosis.signals.reading_errors import (
 from fingerlab.diagnosis.signals.scales import as_recorded
 from fingerlab.sessions.model import CHANNEL_UNITS
 
-BENCH_INERTIA = "bench_inertia"
-"""Unknown of a motor alone: all that turns with it."""
+BENCH_INERTIA, BENCH_OFFSET, COULOMB = "bench_inertia", "bench_offset", "coulomb"
+"""Unknowns of a motor alone: all that turns with it, a constant torque, and the friction of an effect."""
 SENSORS = {"mcp_angle": "MCP sensor", "pip_angle": "PIP sensor", "motor_position": "motor's encoder"}
 
 
@@ -80,6 +81,7 @@ def bench_findings(
         *_readings(reduction, last),
         *_rig_constants(reduction, last),
         *_inertia_alone(reduction, last),
+        *_constant_torque(reduction, last),
         *_spikes(reduction),
         *_lost(reduction),
         *_repeated(reduction),
@@ -286,8 +288,34 @@ def _inertia_alone(reduction: Reduction, last: FittedModel) -> list[BenchFinding
         f"{amount(rig.motor.inertia, 'kg m^2')} ± {_number(100.0 * rig.tolerance_of('inertia'))} % by "
         "the rig file"
     )
-    advice = "correct it there, or look for what turns with the motor that should not, or does not that should"
+    advice = (
+        "correct it there, or look for what turns with the motor that should not, or does not that should"
+    )
     return [BenchFinding("rig_constant", "rig", found, "kg m^2", (), said, advice)]
+
+
+def _constant_torque(reduction: Reduction, last: FittedModel) -> list[BenchFinding]:
+    """A constant torque of a motor alone that rubs: of friction in either direction the mean is told."""
+    place, dry = last.model.index.get(BENCH_OFFSET), _dry_friction(last)
+    if place is None or not dry:
+        return []
+    constant, friction = float(last.fit.values[place]), max(abs(last.values[key]) for key in dry)
+    known_to = float(np.sqrt(max(last.fit.covariance[place, place], 0.0)))
+    if not abs(constant) > max(REPORTED_ONE_SIDED * friction, REPORTED_OFFSET * known_to):
+        return []
+    size = constant * reduction.scales.of("N m")
+    said = (
+        f"Beside the friction stands a constant torque of {_torque(size)}: the amplifier's zero, a weight, "
+        "or friction that is larger in one direction, which a motor alone does not tell apart"
+    )
+    advice = "read the current at rest with nothing coupled to the motor"
+    return [BenchFinding("zero", "motor_torque", size, "N m", (), said, advice)]
+
+
+def _dry_friction(last: FittedModel) -> list[str]:
+    """Keys of the unknowns of a model that are Coulomb friction of its motor."""
+    keys = (f"{choice.effect.id}.{COULOMB}" for choice in last.choices)
+    return [key for key in keys if key in last.model.index]
 
 
 def _lies_beyond(reduction: Reduction, last: FittedModel, keys: Sequence[str]) -> bool:

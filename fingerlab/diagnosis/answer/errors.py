@@ -23,7 +23,7 @@ from fingerlab.diagnosis.answer.results import HeldOutRuns
 from fingerlab.diagnosis.equations.coefficients import NO_SHIFT
 from fingerlab.diagnosis.equations.features import FORCE
 from fingerlab.diagnosis.equations.parameters import TORQUE_ZERO
-from fingerlab.diagnosis.fit.noise import floor_covariance, misfit_floor, allowed_covariance
+from fingerlab.diagnosis.fit.noise import allowed_covariance, floor_covariance, misfit_floor
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.gram.run_constants import EquationWeights, RunTotals, by_run
 from fingerlab.diagnosis.gram.sums import Group, Reduced

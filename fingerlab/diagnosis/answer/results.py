@@ -186,7 +186,7 @@ class BenchFinding:
 
     def to_json(self) -> dict[str, Any]:
         """The object "bench" of ``diagnose --json``."""
-        amplifier = self.kind == "moving_zero" and self.channel == "motor_torque"
+        amplifier = self.kind in ("zero", "moving_zero") and self.channel == "motor_torque"
         return {
             "finding": "amplifier_offset" if amplifier else FINDINGS[self.kind],
             "channel": self.channel,

@@ -181,7 +181,7 @@ def _of_parts(parts: Sequence[Array], signal_count: int, late: bool) -> Array | 
 
 
 def without_run_means(runs: Sequence[Sequence[Array]]) -> list[list[Array]]:
-    """The same products of signals of which every run has had its own mean taken off, but for the constant."""
+    """The same products of signals without each run's own means of them, but for the constant."""
     result = []
     for blocks in runs:
         whole = sum(blocks[1:], blocks[0])

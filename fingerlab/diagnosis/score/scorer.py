@@ -31,7 +31,7 @@ from fingerlab.diagnosis.fit.priors import prior_penalty, starting_arms
 from fingerlab.diagnosis.fit.random_effects import explained, own_share
 from fingerlab.diagnosis.fit.solver import Fitter
 from fingerlab.diagnosis.gram.run_constants import OF_TORQUE, EquationWeights, Offsets, RunConstants
-from fingerlab.diagnosis.gram.sums import Reduced
+from fingerlab.diagnosis.gram.sums import Group, Reduced
 from fingerlab.diagnosis.score.fitted_model import FittedModel, FoldErrors, paired_misfit, sensitivity
 from fingerlab.diagnosis.settings import FULL_ITERATIONS, HOPELESS, MOST_ROUNDS, SETTLED, USUAL_ITERATIONS
 from fingerlab.diagnosis.signals.conditions import GroupKey

@@ -272,7 +272,7 @@ def bayes_factor(base: FittedModel, fitted: FittedModel, fall: float, needed: fl
     log_likely = np.minimum(rise * (1.0 - short**2) - 0.5 * width * beyond**2, np.log(MOST_ODDS))
     if back <= 0.0:
         return float(np.exp(log_likely + back * (1.0 - short**2)).mean())
-    # Constants that come back at one strength go off again beyond it, whichever of its parts brings them back.
+    # Constants that come back at one strength go off again beyond it, whichever part brings them back.
     away = strengths / max(fitted.strength_of_all(base), found) - 1.0
     return float(np.exp(log_likely + back * (1.0 - away**2)).mean())
 
