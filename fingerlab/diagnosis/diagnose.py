@@ -75,6 +75,7 @@ from fingerlab.diagnosis.score.fitted_model import (
 from fingerlab.diagnosis.score.floors import noise_below_floor
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.score.selection import lacks_fit
+from fingerlab.diagnosis.search.disagreeing_run import searched_without_run
 from fingerlab.diagnosis.search.exchange import ExchangedModel, odds_of_rivals
 from fingerlab.diagnosis.search.first_step import Question, Stages
 from fingerlab.diagnosis.search.grid_refinement import fit_refined
@@ -204,6 +205,9 @@ def _searched(
     if may_correct and (other := corrected(begun.models, ended=False)):
         return other
     found = search_effects(question, begun)
+    by, last = found.refined or found.scorer, found.path[-1]
+    if other := searched_without_run(reduction, by, last, again, _outcome):
+        return other
     if lacks_fit(found.path[-1], NEARLY_RIGHT):
         found = searched_again(question, scorer, found)
     if (other := searched_with_lag(reduction, found, again)) is not None:
@@ -413,6 +417,7 @@ def _answer(question: Question, found: Found, display: Display | None, started: 
         torque_noise=reduction.torque_noise,
         reading_errors=reduction.reading_errors,
         run_zeros=reduction.run_zeros,
+        disagreeing=reduction.disagreeing,
         fitted=evidence.base,
         last=path[-1],
         bench=bench_findings(reduction, path[-1], by_last.run_offsets(path[-1])),

@@ -23,6 +23,18 @@ MOVING_SHARE = 0.99
 """Share of a motion's variance by which its pace is told: the rest is noise and small steps; assumed."""
 PACE_SAMPLES = 65536
 """So many samples of a run tell its pace at most."""
+LEAST_ALIKE = 3
+"""Runs of a kind from which on one of them is odd, and so many for each that is; assumed: two that differ do
+not tell which."""
+DISAGREEING_SHARE = 0.6
+"""Share of all that the best model misses which lies in a run that disagrees with the others; assumed."""
+ODD_STILL, ODD_NOISE = 0.05, 0.5
+"""Share of the others' spread, and of their noise, below which a channel stands still: it is not connected.
+The correlation of neighbouring samples below which it is noise alone; assumed."""
+ODD_FORCE, ODD_FOLLOWING, ODD_GEOMETRY = 0.05, 0.3, 0.01
+"""Share of the force in the other runs below which none is read, of a command by which a motor does not
+follow it, and of its travel by which a run is off the others' geometry; assumed: ten times what sensors
+leave."""
 LEAST_RATE_HZ = 60.0
 """Samples in a reduced second at least: seven in a cycle of the narrow cutoff, below which the band itself is
 lost; assumed."""

@@ -255,8 +255,8 @@ def _order_of(power: Array, place: int, step: float, width: float) -> float:
     """Order of the line at a ``place`` of a spectrum over the angle, whose places are ``step`` orders apart.
 
     By the parabola through the logarithms of its power and its neighbours'. Teeth and poles are whole
-    numbers: a quarter that is as near as a line can be told, by its ``width`` in orders, is the order. An axis
-    that has no turn gives no width.
+    numbers: a quarter that is as near as a line can be told, by its ``width`` in orders, is the order. An
+    axis that has no turn gives no width.
     """
     shift = 0.0
     if 0 < place < len(power) - 1 and power[place - 1 : place + 2].min() > 0.0:

@@ -259,8 +259,8 @@ def allowed_sentence(diagnosis: Diagnosis) -> str:
         "endpoint_force" in diagnosis.errors
     )
     return (
-        f"{_row_of(apart)} {'stands' if len(apart) == 1 else 'stand'} that far above the floor: the error over "
-        f"all allows {allowed} rms for what no equation of rigid bodies holds to "
+        f"{_row_of(apart)} {'stands' if len(apart) == 1 else 'stand'} that far above the floor: the error "
+        f"over all allows {allowed} rms for what no equation of rigid bodies holds to "
         f"({percent(RIGID_BODY_SHARE, counted=True)} of the cable's pull){tip}. The rows count it in full."
     )
 

@@ -87,9 +87,10 @@ class ParameterExplorer:
         """
         base = diagnosis.fitted
         assert base is not None  # of a diagnosis that was made, not invented
-        self._display, self._runs = Display(), reduction.runs
+        self._display = Display()
         with threadpool_limits(limits=1, user_api="blas"):
             diagnosis.resume(reduction)
+            self._runs = reduction.runs
             effects = at_found_shapes(base)
             self._scorer = Scorer(reduction.of(effects, watch, self._display.keep))
         layout = self._scorer.reduced.layout

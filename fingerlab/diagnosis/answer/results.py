@@ -156,6 +156,7 @@ FINDINGS = {
     "scale": "unit",
     "rig_constant": "unit",
     "missing_channel": "dead_channel",
+    "odd_run": "outliers",
 }
 """Kinds of findings, and what ``diagnose --json`` calls them; the motor torque's zero is the amplifier's."""
 
@@ -166,7 +167,7 @@ class BenchFinding:
 
     Attributes:
         kind: "moving_zero", "zero", "spikes", "lost_samples", "uneven_times", "held", "skew", "turned",
-            "scale", "rig_constant", "missing_channel".
+            "scale", "rig_constant", "missing_channel", "odd_run".
         channel: that it is about, or "rig". size: how much of it, in ``unit``. runs: that show it.
         sentence: what was found. advice: what to do about it; both without a full stop.
     """
@@ -273,7 +274,7 @@ class Diagnosis:
     ``constants``: that every run has of its own; None: none were found. ``torque_noise``: how much
     is noise of what no law of the state tells of a motor's torque; the rest follows the past, or the run.
     ``reading_errors``: what was taken off the channels' readings, and ``run_zeros``: off the angles of single
-    runs; both in reduced units.
+    runs; both in reduced units. ``disagreeing``: session and name of runs that were left aside.
     """
 
     sessions: tuple[str, ...]
@@ -320,11 +321,12 @@ class Diagnosis:
     torque_noise: TorqueNoise | None = field(default=None, repr=False, compare=False)
     reading_errors: ReadingErrors = field(default_factory=dict, repr=False, compare=False)
     run_zeros: RunZeros = field(default_factory=dict, repr=False, compare=False)
+    disagreeing: frozenset[tuple[str, str]] = field(default=frozenset(), repr=False, compare=False)
 
     def resume(self, reduction: Reduction) -> None:
         """Let a reduction of the same sessions go on from what this answer knows of the bench."""
         known = self.held, self.constants, self.torque_noise, self.reading_errors, self.run_zeros
-        reduction.resume(*known)
+        reduction.resume(*known, self.disagreeing)
 
     def to_json(self) -> dict[str, Any]:
         """The object that ``diagnose --json`` writes, ready for ``json.dumps``."""

@@ -51,6 +51,7 @@ from fingerlab.diagnosis.signals.conditions import (
     group_key,
 )
 from fingerlab.diagnosis.signals.filters import Repair
+from fingerlab.diagnosis.signals.odd_runs import RunKey
 from fingerlab.diagnosis.signals.reading_errors import (
     ReadingErrors,
     RunZeros,
@@ -116,6 +117,7 @@ class Reduction(Recordings):
         self.fixed, self.constants = dict(fixed or {}), self._settled_constants
         self.late_torque = self._settled_late
         self.torque_noise = ALL_NOISE
+        self.leave_aside(frozenset())
         self.correct_readings({})
         self.correct_runs({})
 
@@ -137,6 +139,14 @@ class Reduction(Recordings):
             self._forget()
         return changed
 
+    def leave_aside(self, runs: frozenset[RunKey]) -> bool:
+        """As of :class:`Recordings`; then constants that were found under the bare model are forgotten."""
+        changed = super().leave_aside(runs)
+        if changed:
+            self.constants, self._settled_constants, self.settled = None, None, False
+            self._forget()
+        return changed
+
     def settle(self, constants: RunConstants | None) -> None:
         """Keep what was found under the bare model."""
         self.constants = self._settled_constants = constants
@@ -146,10 +156,11 @@ class Reduction(Recordings):
     def known_of_bench(self) -> KnownOfBench:
         """What was found of the bench so far."""
         found = self.constants, self._settled_constants, self.settled
-        return KnownOfBench(self.reading_errors, self.run_zeros, *found, self.late_torque)
+        return KnownOfBench(self.reading_errors, self.run_zeros, *found, self.late_torque, self.disagreeing)
 
     def go_back(self, known: KnownOfBench) -> None:
         """Take for the bench's own errors again what was before."""
+        self.leave_aside(known.disagreeing)
         self.correct_readings(known.reading_errors)
         self.correct_runs(known.run_zeros)
         self.constants, self._settled_constants = known.constants, known.settled_constants
@@ -162,8 +173,10 @@ class Reduction(Recordings):
         torque_noise: TorqueNoise | None = None,
         reading_errors: ReadingErrors | None = None,
         run_zeros: RunZeros | None = None,
+        disagreeing: frozenset[RunKey] = frozenset(),
     ) -> None:
-        """Go on from an answer: what it had fixed, the constants of its runs, noise, its readings."""
+        """Go on from an answer: what it had fixed, constants of runs, noise, readings, runs left aside."""
+        self.leave_aside(disagreeing)
         self.correct_readings(reading_errors or {})
         self.correct_runs(run_zeros or {})
         self.fixed, self.constants, self.torque_noise = fixed, constants, torque_noise or ALL_NOISE
@@ -399,6 +412,7 @@ class KnownOfBench:
     settled_constants: RunConstants | None
     settled: bool
     late_torque: bool
+    disagreeing: frozenset[RunKey]
 
 
 _Key = tuple[str, object, tuple[tuple[tuple[str, float], ...], ...]]

@@ -26,6 +26,7 @@ from fingerlab.diagnosis.signals.load_cell_zero import (
     zeros_in_the_air,
     zeros_while_clear,
 )
+from fingerlab.diagnosis.signals.odd_runs import OddRun, RunKey, odd_runs
 from fingerlab.diagnosis.signals.reading_errors import (
     FORCE,
     NO_ERROR,
@@ -55,6 +56,7 @@ class Recordings:
     Attributes:
         on_bench: whether they are of a motor alone.
         run_zeros: that angles were found to have in single runs, in reduced units; taken off wherever read.
+        disagreeing: runs that no model of the others explains, which are left aside.
     """
 
     def __init__(self, sessions: Sequence[Session], scales: Scales | None = None) -> None:
@@ -67,6 +69,7 @@ class Recordings:
         self.on_bench = runs_to_analyse(sessions)[1]
         self._reading_errors: ReadingErrors = {}
         self.run_zeros: RunZeros = {}
+        self.disagreeing: frozenset[RunKey] = frozenset()
 
     @cached_property
     def scales(self) -> Scales:
@@ -121,8 +124,15 @@ class Recordings:
         return result
 
     @cached_property
+    def odd_runs(self) -> dict[RunKey, OddRun]:
+        """Runs that contradict the others of their kind by a channel or a label, which are left aside."""
+        return odd_runs((session, run) for session in self._given for run in session.runs)
+
+    @cached_property
     def _usable(self) -> list[tuple[Session, Run]]:
-        return usable(runs_to_analyse(self.sessions)[0], lambda run: not is_fragmented(run))
+        every = usable(runs_to_analyse(self.sessions)[0], lambda run: not is_fragmented(run))
+        aside = self.odd_runs.keys() | self.disagreeing
+        return [pair for pair in every if (str(pair[0].path), pair[1].name) not in aside]
 
     @cached_property
     def _looked_at(self) -> dict[int, Motion]:
@@ -156,7 +166,7 @@ class Recordings:
     @property
     def fragmented_runs(self) -> list[str]:
         """Names of the runs that are left aside because gaps leave no stretch of them that is long enough."""
-        kept = set(self.runs)
+        kept = set(self.runs) | self.odd_runs.keys() | self.disagreeing
         every = runs_to_analyse(self.sessions)[0]
         return [run.name for session, run in every if (str(session.path), run.name) not in kept]
 
@@ -237,6 +247,14 @@ class Recordings:
         changed = zeros != self.run_zeros
         if changed:
             self.run_zeros = dict(zeros)
+            self._read_anew()
+        return changed
+
+    def leave_aside(self, runs: frozenset[RunKey]) -> bool:
+        """Leave these runs aside, and no others; whether they are others than before."""
+        changed = runs != self.disagreeing
+        if changed:
+            self.disagreeing = runs
             self._read_anew()
         return changed
 
