@@ -28,6 +28,11 @@ LEAST_ALIKE = 3
 not tell which."""
 DISAGREEING_SHARE = 0.6
 """Share of all that the best model misses which lies in a run that disagrees with the others; assumed."""
+GROSSLY_OFF = 15.0
+"""Squared score above one from which on a run may be another bench's; assumed: four floors, where a law that
+is nearly right leaves one to three, in the run that asks most of it."""
+ODD_CLIPPED = 0.01
+"""Share of its samples at which a channel is cut off, and of those elsewhere that repeat; assumed."""
 ODD_STILL, ODD_NOISE = 0.05, 0.5
 """Share of the others' spread, and of their noise, below which a channel stands still: it is not connected.
 The correlation of neighbouring samples below which it is noise alone; assumed."""

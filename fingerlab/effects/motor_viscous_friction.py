@@ -42,7 +42,9 @@ EFFECT = Effect(
         "viscous": Parameter(
             "N m s/rad", 0.0, 0.02, 0.001, title="viscous coefficient", varies_between_runs=True
         ),
-        TURBULENT: Parameter("N m s^2/rad^2", 0.0, 0.02, 0.001, title="drag by the square of the speed"),
+        TURBULENT: Parameter(
+            "N m s^2/rad^2", 0.0, 0.02, 0.001, title="drag by the square of the speed", cable="none"
+        ),
     },
     columns=columns,
     coordinate="motor speed",

@@ -104,6 +104,11 @@ def _channels(reduction: Reduction) -> list[BenchFinding]:
 
 
 _ODD_WORDS: dict[tuple[Why, str], tuple[str, str, str]] = {
+    ("clipped", ""): (
+        "odd_run",
+        "Channel '{channel}' is cut off at one number in {runs}",
+        "choose a larger range of its input, or ask less of the motor",
+    ),
     ("still", "endpoint_force"): (
         "missing_channel",
         "The load cell shows no force in {runs} in contact, though the motor pulls as in the others",

@@ -13,7 +13,7 @@ from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.score.selection import lacks_fit
-from fingerlab.diagnosis.settings import DISAGREEING_SHARE, LEAST_ALIKE, NEARLY_RIGHT
+from fingerlab.diagnosis.settings import DISAGREEING_SHARE, GROSSLY_OFF, LEAST_ALIKE, NEARLY_RIGHT
 
 _Searched = TypeVar("_Searched")
 
@@ -27,8 +27,8 @@ def searched_without_run(
 ) -> _Searched | None:
     """The search without a run that holds most of what the best model misses; None: that settles nothing.
 
-    It has to: the path without it ends near the floor, and needs no effect that it did not need before. At
-    most one run in three of a kind is left aside.
+    It has to: the path without it ends near the floor, and needs no more effects than it did before, or one.
+    A run is left aside only of a kind that has three.
 
     Args:
         scorer: of ``last``, the model at the end of the path. again: searches anew. outcome: of a search, the
@@ -37,7 +37,7 @@ def searched_without_run(
     Raises:
         UserError, Cancelled: as of a diagnosis.
     """
-    if not lacks_fit(last, NEARLY_RIGHT):
+    if not lacks_fit(last, GROSSLY_OFF):
         return None
     number = _disagreeing(scorer, last)
     if number is None:
@@ -46,7 +46,7 @@ def searched_without_run(
     reduction.leave_aside(aside | {reduction.runs[number]})
     other = again()
     end, _ = outcome(other)
-    if not lacks_fit(end, NEARLY_RIGHT) and set(end.effect_ids) <= set(last.effect_ids):
+    if not lacks_fit(end, NEARLY_RIGHT) and len(end.effect_ids) <= max(len(last.effect_ids), 1):
         return other
     reduction.go_back(before)
     return None

@@ -18,6 +18,7 @@ import numpy as np
 from fingerlab.core.errors import UserError
 from fingerlab.diagnosis.settings import (
     LEAST_ALIKE,
+    ODD_CLIPPED,
     ODD_FOLLOWING,
     ODD_FORCE,
     ODD_GEOMETRY,
@@ -28,7 +29,7 @@ from fingerlab.diagnosis.settings import (
 from fingerlab.diagnosis.signals.conditions import kind_of, missing_channels
 from fingerlab.sessions.model import Array, Run, Session
 
-Why = Literal["still", "noise", "force", "held", "turned"]
+Why = Literal["clipped", "still", "noise", "force", "held", "turned"]
 RunKey = tuple[str, str]
 """Session's path and the run's name."""
 
@@ -72,6 +73,9 @@ def odd_runs(pairs: Iterable[tuple[Session, Run]]) -> dict[RunKey, OddRun]:
     """Those of a finger's runs, as recorded; of a kind with few runs, or where many are odd, none."""
     looks = [look for session, run in pairs if (look := _look(session, run)) is not None]
     found: dict[RunKey, OddRun] = {}
+    clipped = dict(_clipped(looks))
+    if len(clipped) < len(looks):
+        found |= clipped
     for check in (_still, _noisy, _pressing, _held, _turned):
         left = [look for look in looks if look.key not in found]
         found |= dict(check(left))
@@ -125,6 +129,27 @@ def _few(odd: Sequence[_Look], every: Sequence[_Look]) -> bool:
 
 def _others(look: _Look, every: Sequence[_Look], size: Callable[[_Look], float]) -> float:
     return float(np.median([size(one) for one in every if one is not look]))
+
+
+def _clipped(looks: Sequence[_Look]) -> Found:
+    """Runs of which a channel is cut off at its largest or its least number, and is read finely elsewhere.
+
+    A drive that is at its limit is no such run: its current has noise there, too.
+    """
+    for look in looks:
+        for channel in ("motor_torque", "endpoint_force", "mcp_angle", "pip_angle"):
+            values = look.channels.get(channel)
+            if values is None or not np.ptp(values) > 0.0:
+                continue
+            for end in (values.max(), values.min()):
+                at_end = values == end
+                elsewhere = np.diff(values[~at_end])
+                share, alike = (
+                    float(at_end.mean()),
+                    float(np.mean(elsewhere == 0.0)) if len(elsewhere) else 1.0,
+                )
+                if share > ODD_CLIPPED and alike < ODD_CLIPPED:
+                    yield look.key, OddRun(look.key[1], "clipped", channel)
 
 
 def _still(looks: Sequence[_Look]) -> Found:
