@@ -26,8 +26,9 @@ HIGHEST_ORDER = 300.0
 """Beyond, the encoder's own error repeats; assumed: three times a motor of 14 poles and 12 slots."""
 LINE_WIDTHS = 2.0
 """A line under Hann's window reaches so many periods within the travel to either side."""
-WHOLE_SHARE = 1 / 16
-"""Share of a line's width by which noise and other lines may move its peak; assumed."""
+WHOLE_SHARES = (1 / 4, 1 / 16)
+"""Share of a line's width by which a whole order, and a quarter of one, may be off its peak: noise and other
+lines move it; assumed."""
 LEAST_PERIODS = 2.0
 """A line is told by so many periods within the travel at least."""
 BINS_A_TURN = 2048
@@ -255,8 +256,8 @@ def _order_of(power: Array, place: int, step: float, width: float) -> float:
     """Order of the line at a ``place`` of a spectrum over the angle, whose places are ``step`` orders apart.
 
     By the parabola through the logarithms of its power and its neighbours'. Teeth and poles are whole
-    numbers: a quarter that is as near as a line can be told, by its ``width`` in orders, is the order. An
-    axis that has no turn gives no width.
+    numbers: one that is as near as a line can be told, by its ``width`` in orders, is the order, or a quarter
+    that is nearer still. An axis that has no turn gives no width.
     """
     shift = 0.0
     if 0 < place < len(power) - 1 and power[place - 1 : place + 2].min() > 0.0:
@@ -264,8 +265,11 @@ def _order_of(power: Array, place: int, step: float, width: float) -> float:
         bend = before - 2.0 * here + after
         shift = float(np.clip(0.5 * (before - after) / bend, -0.5, 0.5)) if bend < 0.0 else 0.0
     order = (place + shift) * step
-    quarter = round(4.0 * order) / 4.0
-    return quarter if abs(order - quarter) < WHOLE_SHARE * width else round(order, 4)
+    for parts, share in zip((1.0, 4.0), WHOLE_SHARES, strict=True):
+        told = round(parts * order) / parts
+        if abs(order - told) < share * width:
+            return told
+    return round(order, 4)
 
 
 def _over_angle(motion: Motion) -> Array:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -165,3 +166,112 @@ def test_of_a_rotor_that_spins_viscous_friction_is_no_trace() -> None:
     )
     assert told is not None
     assert [float(one) for one in told.groups()] == pytest.approx([800.0, 0.2], rel=0.02)
+
+
+UNREPEATED: tuple[Sequence[tuple[float, float]], ...] = tuple(
+    [(0.5, 0.37 + 0.05 * k), (0.21, 1.13 - 0.04 * k), (0.09, 2.71 + 0.07 * k)] for k in range(4)
+)
+"""Three sines that make no cycle in ten seconds."""
+
+
+def with_zeros(session: Session, zeros: Sequence[float]) -> Session:
+    """The session with a torque that reads too high by one number (N m) in every run."""
+    runs = []
+    for run, zero in zip(session.runs, zeros, strict=True):
+        channels = dict(run.load(list(run.units), 0, run.length))
+        channels["motor_torque"] = channels["motor_torque"] + zero
+        told = {"phase": run.phase, "cable": run.cable, "sample_rate_hz": run.sample_rate_hz}
+        runs.append(Run.from_arrays(channels, name=run.name, **told))
+    return replace(session, runs=tuple(runs))
+
+
+@pytest.mark.parametrize("viscous", [0.0, 8e-3])
+def test_a_zero_of_each_run_s_own_is_told_where_no_motion_comes_again(viscous: float) -> None:
+    """Up to twice the torque's spread: the floor was as large, and all that is missing hid below it."""
+    plain = machine(lambda angle, speed, acceleration: INERTIA * acceleration + viscous * speed, UNREPEATED)
+    size = float(plain.runs[0].channel("motor_torque").std())
+    said = diagnose([with_zeros(plain, [0.0, 2.0 * size, -size, 0.7 * size])], with_curves=False)
+    assert said.verdict == ("missing_effect" if viscous else "nothing_missing")
+    assert [one.effect for one in said.candidates if one.effect in said.set][0] == (
+        "motor_viscous_friction" if viscous else said.set[0]
+    )
+    assert said.path[-1].score < 1.1
+    assert "amplifier_offset" in [one.to_json()["finding"] for one in said.bench]
+
+
+def test_drag_by_the_square_of_the_speed_is_no_other_friction() -> None:
+    """A fan's, of which friction in proportion to the speed leaves hundreds of floors."""
+    drag = 4e-3
+    said = diagnose(
+        [machine(lambda a, speed, acc: INERTIA * acc + drag * speed * np.abs(speed), TURNS)],
+        with_curves=False,
+    )
+    assert said.final_model == ("motor_viscous_friction",)
+    assert said.path[-1].score < 1.1
+    found = said.candidates[0].parameters
+    assert found["turbulent"].value == pytest.approx(drag, rel=0.01)
+    assert abs(found["viscous"].value) < 0.02 * drag * 9.0
+
+
+def along_a_line(session: Session, radius: float) -> Session:
+    """A machine whose angle is a way of 15 mm per radian, told as an arc of another radius (m)."""
+    runs, share = [], 0.015 / radius
+    for run in session.runs:
+        channels = dict(run.load(list(run.units), 0, run.length))
+        channels["motor_position"] = channels["motor_position"] * share
+        channels["motor_torque"] = channels["motor_torque"] / share
+        told = {"phase": run.phase, "cable": run.cable, "sample_rate_hz": run.sample_rate_hz}
+        runs.append(Run.from_arrays(channels, name=run.name, **told))
+    rig = replace(session.rig, extra={"axis": {"radius_m": radius}})
+    return replace(session, rig=rig, runs=tuple(runs))
+
+
+def test_an_axis_along_a_line_is_the_same_told_as_any_arc() -> None:
+    """Its friction turns round over a way, which is no angle: the verdict went by the radius."""
+
+    def rubs(angle: np.ndarray, speed: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
+        return INERTIA * acceleration + 0.02 * np.tanh(speed / 0.05) + 4e-3 * speed
+
+    plain = machine(rubs, TURNS)
+    first, second = (diagnose([along_a_line(plain, radius)], with_curves=False) for radius in (0.01, 0.3))
+    assert first.final_model == ("motor_coulomb_friction", "motor_viscous_friction")
+    assert second.final_model == first.final_model
+    assert second.set == first.set
+    assert second.candidates[0].probability == pytest.approx(first.candidates[0].probability, abs=1e-3)
+    assert second.score == pytest.approx(first.score, rel=1e-3)
+
+
+def test_teeth_that_are_no_whole_number_a_turn_are_told_by_their_line() -> None:
+    """21.4 a turn, larger than all else that moves the axis: a quarter beside it left eight floors."""
+
+    def cogs(angle: np.ndarray, speed: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
+        return INERTIA * acceleration + 0.05 * np.sin(21.4 * angle)
+
+    said = diagnose([machine(cogs, TURNS)], with_curves=False)
+    assert said.final_model == ("torque_ripple",)
+    assert said.path[-1].score < 1.2
+    assert said.candidates[0].parameters["order"].value == pytest.approx(21.4, abs=2e-3)
+
+
+def test_an_inertia_that_is_not_the_rig_file_s_is_told() -> None:
+    rig = Rig(None, Motor(inertia=1.5 * INERTIA), {"inertia": 0.1})
+    said = diagnose([replace(machine(inert, SWINGS), rig=rig)], with_curves=False)
+    (told,) = said.bench
+    assert told.sentence.startswith(
+        "By these runs the inertia is 20 kg cm², and 30 kg cm² ± 10 % by the rig file"
+    )
+    near = replace(machine(inert, SWINGS), rig=replace(rig, motor=Motor(inertia=1.05 * INERTIA)))
+    assert diagnose([near], with_curves=False).bench == ()
+
+
+def test_friction_of_one_direction_is_told_as_a_constant_beside_it() -> None:
+    """30 mN m one way and 10 the other."""
+
+    def one_sided(angle: np.ndarray, speed: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
+        return INERTIA * acceleration + 0.02 * np.tanh(speed / 0.02) + 0.01
+
+    said = diagnose([machine(one_sided, SWINGS)], with_curves=False)
+    assert said.final_model == ("motor_coulomb_friction",)
+    (told,) = [one for one in said.bench if one.channel == "motor_torque"]
+    assert told.size == pytest.approx(0.01, rel=0.1)
+    assert "larger in one direction" in told.sentence
