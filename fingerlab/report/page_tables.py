@@ -216,7 +216,7 @@ def rig_rows(session: Session) -> list[RigRow]:
     for group, part, kind in (("finger", rig.finger, Finger), ("motor", rig.motor, Motor)):
         for spec in fields(kind) if part is not None else ():
             value = getattr(part, spec.name)
-            if value is None:
+            if value is None or spec.name in rig.untold:
                 continue
             unit = screen_unit(CONSTANT_UNITS[spec.name], abs(value))
             shown = unit.after(f"{value * unit.factor:.4g}".replace("-", "−"))
