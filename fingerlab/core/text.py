@@ -187,7 +187,7 @@ def screen_unit(si: str, largest: float) -> ScreenUnit:
     if si == "deg" or si.startswith("deg/"):
         return ScreenUnit("°" + si[3:], 1.0)
     if si == "kg":
-        return ScreenUnit("g", 1e3)
+        return ScreenUnit("g", 1e3) if largest < 1.0 else ScreenUnit("kg", 1.0)
     if si == "kg m^2":
         return ScreenUnit("g cm²", 1e7) if largest < 1e-3 else ScreenUnit("kg cm²", 1e4)
     if si == "s":

@@ -188,6 +188,82 @@ def test_a_current_needs_its_torque_constant(tmp_path, capsys):
     assert "motor_torque" in json.loads(session.runs[0].attributes["derived"])
 
 
+def a_stage(
+    folder: Path,
+    frequencies: tuple[float, ...],
+    friction: float = 4.0,
+    damping: float = 40.0,
+    noise: float = 0.05,
+) -> list[Path]:
+    """A stage of 12 kg under ``friction`` (N) and ``damping`` (N s/m) on 10 mm; its motor gives 38 N/A."""
+    rng, files = np.random.default_rng(7), []
+    for number, frequency in enumerate(frequencies):
+        time, pace = np.arange(1800) / 300.0, 2 * np.pi * frequency
+        way = 0.01 * np.sin(pace * time)
+        speed = 0.01 * pace * np.cos(pace * time)
+        force = -12.0 * pace**2 * way + damping * speed + friction * np.tanh(speed / 1e-3)
+        noisy = (force + rng.normal(0.0, noise, len(time))) / 38.0
+        name = folder / f"{number}.csv"
+        files.append(written(name, "t (s),x (mm),i (A)", time, 1e3 * way, noisy))
+    return files
+
+
+def told_of_the_machine(words: str) -> dict[str, float]:
+    """Numbers by title and unit of the line of the fitted machine."""
+    (line,) = re.findall(r"The fitted machine: (.*?) \(90 %\)", words)
+    parts = [re.fullmatch(r"(.*?) ([\d.]+) ± [\d.]+ (.*)", part) for part in line.split("; ")]
+    return {f"{part[1]}, {part[3]}": float(part[2]) for part in parts if part}
+
+
+@pytest.mark.parametrize("radius", [0.01, 0.03])
+def test_the_machine_of_a_linear_axis_is_told_in_kilograms_and_newtons(tmp_path, capsys, radius):
+    files = a_stage(tmp_path, (0.8, 1.3, 1.7))
+    options = ("--torque-constant", 38, "--radius", radius, "--out", tmp_path / "a.h5")
+    assert run_main(["import", "--axis", *files, *options], capsys)[0] == 0
+    said = " ".join(run_main(["diagnose", tmp_path / "a.h5"], capsys)[1].split())
+    assert told_of_the_machine(said) == {
+        "mass, kg": pytest.approx(12.0, rel=0.01),
+        "friction force, N": pytest.approx(4.0, rel=0.03),
+        "viscous coefficient, N s/m": pytest.approx(40.0, rel=0.03),
+    }
+    assert re.search(r"Motor force +[\d.]+ [\d.]+ N ", said)
+
+
+def test_what_to_record_next_of_a_linear_axis_is_told_in_millimetres(tmp_path, capsys):
+    """The JSON says it for the arc, SI; the sentence along the line."""
+    files = a_stage(tmp_path, (0.3, 0.3, 0.3), friction=2.0, damping=30.0, noise=1.0)
+    out = tmp_path / "a.h5"
+    run_main(["import", "--axis", *files, "--torque-constant", 38, "--radius", 0.02, "--out", out], capsys)
+    code, said, err = run_main(["diagnose", out, "--json", tmp_path / "a.json"], capsys)
+    assert code == 0, err
+    proposal = json.loads((tmp_path / "a.json").read_text(encoding="utf-8"))["next_experiment"]["trajectory"]
+    (next_,) = re.findall(r"Record next: .*?\. ", " ".join(said.split()))
+    millimetres = 20 * np.radians(proposal["amplitude_deg"])
+    assert f"{proposal['kind'].replace('_', ' ')}, {millimetres:.3g} mm, " in next_
+    assert "°" not in next_
+    assert "N m" not in next_
+
+
+def test_uneven_sampling_is_told_once(tmp_path, capsys):
+    """Times that scatter by a third of a sample, of a motor under friction."""
+    rng, files = np.random.default_rng(0), []
+    for number, frequency in enumerate((0.8, 1.3, 1.7)):
+        time = (np.arange(3000) + rng.uniform(-0.35, 0.35, 3000)) / 500.0
+        angle = 0.5 * np.sin(2 * np.pi * frequency * time)
+        speed = np.pi * frequency * np.cos(2 * np.pi * frequency * time)
+        torque = -2e-4 * (2 * np.pi * frequency) ** 2 * angle + 0.04 * np.tanh(speed / 0.02)
+        noisy = torque + rng.normal(0.0, 5e-4, 3000)
+        name = tmp_path / f"{number}.csv"
+        files.append(written(name, "t (s),q (rad),tau (Nm)", time - time[0], angle, noisy))
+    run_main(["import", "--axis", *files, "--out", tmp_path / "a.h5"], capsys)
+    code, said, _ = run_main(["diagnose", tmp_path / "a.h5", "--json", tmp_path / "a.json"], capsys)
+    assert code == 0
+    (found,) = json.loads((tmp_path / "a.json").read_text(encoding="utf-8"))["bench"]
+    assert (found["finding"], found["channel"], found["runs"]) == ("gaps", "time", ["001", "002", "003"])
+    assert found["sentence"].startswith("Uneven sampling: ")
+    assert "lost" not in said
+
+
 @pytest.mark.parametrize("radius", [0.01, 0.005])
 def test_the_force_of_an_ampere_is_told_in_newtons_on_a_linear_axis(tmp_path, capsys, radius):
     """38 N/A and 3 A are 114 N whatever the arc; told back by its radius, the torque is that force."""
