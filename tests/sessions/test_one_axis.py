@@ -244,6 +244,32 @@ def test_what_to_record_next_of_a_linear_axis_is_told_in_millimetres(tmp_path, c
     assert "N m" not in next_
 
 
+@pytest.mark.parametrize(
+    ("motions", "noise"),
+    [(((0.3, 4.0), (0.3, 3.0)), 0.05), (((0.02, 4.0), (0.02, 3.0), (0.015, 5.0)), 0.01)],
+    ids=["wide", "narrow"],
+)
+def test_what_to_record_next_asks_little_more_than_was_recorded(tmp_path, capsys, motions, noise):
+    """Sines (rad, Hz) of an inertia of 2e-3 kg m^2; 20 degrees at 8 Hz would be 4.6 times their torque."""
+    rng, files, time = np.random.default_rng(3), [], np.arange(6000) / 500.0
+    for number, (amplitude, frequency) in enumerate(motions):
+        angle = amplitude * np.sin(2 * np.pi * frequency * time)
+        torque = -2e-3 * (2 * np.pi * frequency) ** 2 * angle + rng.normal(0.0, noise, len(time))
+        files.append(written(tmp_path / f"{number}.csv", "t (s),q (rad),tau (Nm)", time, angle, torque))
+    run_main(["import", "--axis", *files, "--out", tmp_path / "a.h5"], capsys)
+    code, out, _ = run_main(["diagnose", tmp_path / "a.h5", "--json", "-"], capsys)
+    assert code == 0
+    told = json.loads(out)["next_experiment"]["trajectory"]
+    pace, reach = 2 * np.pi * told["frequency_hz"], np.radians(told["amplitude_deg"])
+    assert told["kind"] == "sine"
+    quickest = [a * 2 * np.pi * f for a, f in motions]
+    sharpest = [a * (2 * np.pi * f) ** 2 for a, f in motions]
+    assert reach * pace <= 1.5 * max(quickest)
+    assert reach * pace**2 <= 1.5 * max(sharpest)
+    load = told.get("load_torque", 0.0)
+    assert 2e-3 * reach * pace**2 + load <= 1.5 * 2e-3 * max(sharpest)
+
+
 def test_uneven_sampling_is_told_once(tmp_path, capsys):
     """Times that scatter by a third of a sample, of a motor under friction."""
     rng, files = np.random.default_rng(0), []
