@@ -116,7 +116,9 @@ def diagnose(
     effects = added or result.final_model
     saved = None if model_file is None else (_model(opened, effects, fixed), model_file)
     if json_target != "-":
-        _print(result, _as_an_arc(opened[0]), budget)
+        from fingerlab.report.line_words import line_radius
+
+        _print(result, line_radius(opened[0]), budget)
         if laws is not None:
             _print_laws(laws, result)
     drawn = None
@@ -208,33 +210,23 @@ def _model(sessions: Sequence[Session], effects: Sequence[str], held: Mapping[st
         return model_of_extended(fit_extended(sessions, effects, report, held))
 
 
-def _as_an_arc(session: Session) -> str:
-    """What the numbers mean where the axis is a linear one; empty where it is not."""
-    arc = session.rig.extra.get("axis")
-    radius = arc.get("radius_m") if isinstance(arc, Mapping) else None
-    if not isinstance(radius, int | float) or not radius > 0:
-        return ""
-    return (
-        f"The axis is linear, told as an arc of {1e3 * radius:g} mm: 1 N m is {1.0 / radius:g} N, "
-        f"1 deg is {1e3 * math.radians(radius):.3g} mm and 1 N m s/rad is {1.0 / radius**2:g} N s/m."
-    )
-
-
-def _print(result: Diagnosis, arc: str, budget: bool) -> None:
+def _print(result: Diagnosis, radius: float, budget: bool) -> None:
     """The answer on the terminal, made to fit 80 columns: verdict first, then what it rests on.
 
-    ``arc``: what is to be said of a linear axis. ``budget``: whether what errors are made of is wanted.
+    ``radius``: of the arc as which a linear axis is told, m; 0: it turns. ``budget``: whether what errors are
+    made of is wanted.
     """
     from rich.text import Text
 
     from fingerlab.diagnosis.score.calibration import Verdict
     from fingerlab.report import diagnosis_words as words
+    from fingerlab.report.line_words import arc_sentence
     from fingerlab.report.recording_words import next_experiment_sentence, paired_sentence
     from fingerlab.report.score_words import how_to_add, machine_sentence, path_sentence, score_words
 
     console = table_console()
     console.print(Text(f"\n{words.verdict_sentence(result)}\n", style="bold"))
-    console.print(_errors(result))
+    console.print(_errors(result, radius))
     if result.score_parts:
         console.print(Text(score_words(result)))
     console.print()
@@ -243,8 +235,8 @@ def _print(result: Diagnosis, arc: str, budget: bool) -> None:
     console.print(_ranking(result))
     starred = "; * cannot be ruled out" if result.set else ""
     console.print(f"error: in floors, with that effect in the model{starred}\n")
-    if arc:
-        console.print(Text(f"{arc}\n"))
+    if radius:
+        console.print(Text(f"{arc_sentence(radius)}\n"))
     for candidate in words.suspected(result):
         console.print(Text(f"{candidate.title}: {candidate.explanation}\n"))
     strange = result.verdict == Verdict.NOT_IN_CATALOGUE and result.set
@@ -257,7 +249,7 @@ def _print(result: Diagnosis, arc: str, budget: bool) -> None:
     if words.worth_adding(result):
         console.print(Text(path_sentence(result)))
     if machine_sentence(result):
-        console.print(Text(machine_sentence(result)))
+        console.print(Text(machine_sentence(result, radius)))
     if how_to_add(result):
         console.print(Text(how_to_add(result)))
     if result.bench:
@@ -265,7 +257,7 @@ def _print(result: Diagnosis, arc: str, budget: bool) -> None:
         for finding in result.bench:
             console.print(Text(f"- {finding.text}"))
         console.print()
-    proposal = next_experiment_sentence(result)
+    proposal = next_experiment_sentence(result, radius)
     if proposal is not None:
         console.print(Text(proposal))
     hidden = words.hidden_sentence(result)
@@ -296,16 +288,19 @@ def _print_budget(console: Console, result: Diagnosis) -> None:
     console.print()
 
 
-def _errors(result: Diagnosis) -> Table:
+def _errors(result: Diagnosis, radius: float) -> Table:
     from fingerlab.core.text import score_text
     from fingerlab.report.diagnosis_words import judged_on
+    from fingerlab.report.line_words import error_along_the_line, title_along_the_line
     from fingerlab.report.page_tables import error_rows
 
     title = f"Error on {judged_on(result).rstrip(',')}: {score_text(result.score)} times the floor"
     columns = ("equations", ">error (rms)", ">floor", "unit", ">error / floor", ">R2")
     table = result_table(*columns, box=None, pad_edge=False, title=title, title_style="")
-    for row in error_rows(result.errors):
-        table.add_row(row.title, row.error, row.floor, row.unit, row.times, row.r2)
+    errors = {name: error_along_the_line(error, radius) for name, error in result.errors.items()}
+    for row in error_rows(errors):
+        title = title_along_the_line(row.title, radius)
+        table.add_row(title, row.error, row.floor, row.unit, row.times, row.r2)
     return table
 
 

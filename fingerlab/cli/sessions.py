@@ -28,7 +28,17 @@ from fingerlab.cli.common import (
 )
 from fingerlab.core.errors import UserError
 from fingerlab.core.plain_data import read_object
-from fingerlab.rig.file import CONSTANT_UNITS, Finger, Motor, Rig, default_rig, load_rig, sources_of
+from fingerlab.rig.file import (
+    CONSTANT_UNITS,
+    GIVES_TORQUE,
+    Finger,
+    Motor,
+    Rig,
+    default_rig,
+    load_axis_rig,
+    load_rig,
+    sources_of,
+)
 from fingerlab.sessions import CheckReport, Session, check_session, open_session
 from fingerlab.sessions.model import CABLES, LEFT_OUT, PHASES
 from fingerlab.sessions.recording_files import CLEAN
@@ -109,7 +119,8 @@ def info(session_file: Path, json_target: str | None) -> None:
     "--torque-constant",
     type=Within(min=0, min_open=True),
     metavar="NM_PER_A",
-    help="With --axis: torque at the axis an ampere, N m/A, gear included, where no torque was logged.",
+    help="With --axis: what an ampere gives at the axis, gear included, where no torque was logged: N m/A, "
+    "or N/A where the position is a length.",
 )
 @click.option(
     "--radius",
@@ -162,16 +173,18 @@ def import_text(
 
     With --axis the files are logs of one axis of any machine, as text or as MAT files (version 5 or 7.3;
     each struct in one is a run): time=t:ms,position=q:deg,torque=tau:Nm,load=F:N. Every unit has to be named,
-    in the mapping or the header. A linear axis (mm, N) is told as an arc; a force on an axis that turns needs
-    --radius, its lever. A positive torque drives towards larger positions; a load has the sign of the torque
-    that holds it (the other one is understood, too). They become motor-bench runs of a rig without a finger,
-    ready for "fingerlab diagnose".
+    in the mapping or the header; one of your own takes a factor, x:m:0.0254 or counts:rad:0.00153. A linear
+    axis (mm, N) is told as an arc, and --torque-constant is its force, N/A; a force on an axis that turns
+    needs --radius, its lever. A positive torque drives towards larger positions; a load has the sign of the
+    torque that holds it (the other one is understood, too). They become motor-bench runs of a rig without a
+    finger, ready for "fingerlab diagnose".
     """
     from fingerlab.sessions.importing import describe_all, import_files, plan_import
 
     if target is None and not dry_run:
         raise UserError("The option --out S.h5 is missing; it names the session to write.")
-    rig = load_rig(rig_file) if rig_file else default_rig()
+    load = load_axis_rig if axis else load_rig
+    rig = load(rig_file) if rig_file else default_rig()
     sources = _text_runs(files, phases, cables, trajectory)
     if axis:
         sources, rig = _of_one_axis(sources, rig if rig_file else None, phases, torque_constant, radius)
@@ -181,7 +194,7 @@ def import_text(
     for line in describe_all(plans):
         click.echo(line, err=True)
     if axis:
-        _refuse_unknown_constant(plans, rig_file, torque_constant)
+        _refuse_unknown_constant(plans, rig, rig_file)
     else:
         _tell_assumptions(rig_file, phases, cables)
     if dry_run or target is None:
@@ -268,20 +281,16 @@ def _of_one_axis(
 
     if set(phases) - {"motor_bench"}:
         raise UserError("--axis makes runs of phase motor_bench; leave --phase out.")
-    if rig is not None and torque_constant is not None:
+    if rig is not None and torque_constant is not None and not {*GIVES_TORQUE} <= rig.untold:
         raise UserError("--torque-constant and --rig both say what a current gives; give one of them.")
     return of_one_axis(sources, rig, torque_constant, radius)
 
 
-def _refuse_unknown_constant(
-    plans: Sequence[ImportPlan], rig_file: Path | None, torque_constant: float | None
-) -> None:
+def _refuse_unknown_constant(plans: Sequence[ImportPlan], rig: Rig, rig_file: Path | None) -> None:
+    from fingerlab.sessions.importing import refuse_unknown_constant
+
     for plan in plans:
-        if "motor_torque" in plan.derived and rig_file is None and torque_constant is None:
-            raise UserError(
-                f"{plan.table.path} gives a current and no torque; say with --torque-constant what an ampere "
-                "gives at the axis, N m/A with the gear included."
-            )
+        refuse_unknown_constant(plan, rig, str(rig_file or ""), "with --torque-constant")
 
 
 def _tell_left_out(plans: Sequence[ImportPlan], target: Path) -> None:
@@ -355,7 +364,8 @@ def _print_info(session: Session, report: CheckReport) -> None:
     if ended[0] not in ("", CLEAN):
         console.print(f"ended: {ended[0]}. {ended[1]}".strip())
     console.print(_runs_table(session, report))
-    console.print(_rig_table(session.rig, str(session.attributes["rig"])))
+    constants = _rig_table(session.rig, str(session.attributes["rig"]))
+    console.print(constants if constants.row_count else "no constant of the machine was told")
     for run in session.runs:
         if LEFT_OUT in run.attributes:
             console.print(f"run {run.name}: when it was imported {run.attributes[LEFT_OUT]}")
@@ -404,7 +414,7 @@ def _rig_table(rig: Rig, stored: str) -> Table:
     for name, part, kind in (("finger", rig.finger, Finger), ("motor", rig.motor, Motor)):
         for spec in fields(kind) if part is not None else ():
             value, unit = getattr(part, spec.name), CONSTANT_UNITS[spec.name]
-            if value is None:
+            if value is None or spec.name in rig.untold:
                 continue
             if unit == "rad":
                 value, unit = math.degrees(value), "°"

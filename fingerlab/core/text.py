@@ -9,6 +9,8 @@ from dataclasses import dataclass
 
 RAD_IN_DEGREE = math.pi / 180.0
 """rad."""
+INCH, KILOGRAM_FORCE, POUND_FORCE = 0.0254, 9.80665, 4.4482216152605
+"""m, N and N, as they are defined."""
 
 FACTORS: Mapping[str, Mapping[str, float]] = {
     "s": {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "min": 60.0},
@@ -19,14 +21,15 @@ FACTORS: Mapping[str, Mapping[str, float]] = {
     "A": {"A": 1.0, "mA": 1e-3},
     "A/V": {"A/V": 1.0, "mA/V": 1e-3},
     "V": {"V": 1.0, "v": 1.0, "volt": 1.0, "volts": 1.0, "mV": 1e-3},
-    "N": {"N": 1.0, "mN": 1e-3, "kN": 1e3},
+    "N": {"N": 1.0, "mN": 1e-3, "kN": 1e3, "kgf": KILOGRAM_FORCE, "lbf": POUND_FORCE},
     "N m": {"N m": 1.0, "Nm": 1.0, "N·m": 1.0, "N*m": 1.0, "mNm": 1e-3, "mN m": 1e-3, "N mm": 1e-3,
-            "Nmm": 1e-3, "N cm": 1e-2, "Ncm": 1e-2, "kN m": 1e3, "kNm": 1e3},
+            "Nmm": 1e-3, "N cm": 1e-2, "Ncm": 1e-2, "kN m": 1e3, "kNm": 1e3,
+            **dict.fromkeys(("kgf cm", "kgfcm", "kgf·cm", "kgf*cm", "kg cm", "kgcm"), 1e-2 * KILOGRAM_FORCE)},
     "N m/A": {"N m/A": 1.0, "mN m/A": 1e-3},
     "N m/rad": {"N m/rad": 1.0, "mN m/rad": 1e-3, "N mm/rad": 1e-3, "N m/deg": 180.0 / math.pi},
     "kg": {"kg": 1.0, "g": 1e-3},
     "kg m^2": {"kg m^2": 1.0, "g cm^2": 1e-7, "g mm^2": 1e-9},
-    "m": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "μm": 1e-6},
+    "m": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "μm": 1e-6, "in": INCH, "inch": INCH},
 }  # fmt: skip
 """SI unit -> unit that a file of a person may hold -> factor to SI."""
 

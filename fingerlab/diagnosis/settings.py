@@ -759,6 +759,17 @@ MOST_RIVALS = 3
 
 BENCH_LOADS_NM = (0.0, 0.05, 0.1)
 """Known loads that a motor bench is proposed with, N m; assumed."""
+MOST_OF_SEEN = 1.5
+"""A run of a motor alone asks for so many times the largest speed, acceleration and torque that its runs
+show, at most; assumed: nobody here knows what a stranger's machine bears, and drives are bought with such a
+margin."""
+LEAST_PROPOSED_CYCLES = 2.0
+"""A motion is slowed until so many cycles of it are left in DURATION_S; assumed."""
+LEAST_PROPOSED_SHARE = 0.125
+"""... and then made smaller, down to this share of the menu's amplitude; assumed."""
+ALIKE_SHARE = 0.9
+"""Angle and acceleration that have this share of their squares in common are those of one sine: nothing tells
+whether an inertia or a spring takes the torque. Assumed."""
 DURATION_S = 20.0
 """Length of a motion that is looked at, s."""
 BALANCE_STEPS = 12

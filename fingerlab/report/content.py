@@ -13,7 +13,15 @@ from matplotlib.figure import Figure
 
 from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress
-from fingerlab.core.text import estimate_text, in_words, mean_and_deviation, plus_minus, r2_text, with_minus
+from fingerlab.core.text import (
+    amount,
+    estimate_text,
+    in_words,
+    mean_and_deviation,
+    plus_minus,
+    r2_text,
+    with_minus,
+)
 from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.models.file import ParameterEstimate
 from fingerlab.prediction import fit_extended, predict_extended
@@ -23,6 +31,7 @@ from fingerlab.report import diagnosis_words as words
 from fingerlab.report.equation import FinalEquation, final_equation
 from fingerlab.report.figure_style import LABEL_SIZE
 from fingerlab.report.force_figures import FIGURES, force_figure
+from fingerlab.report.line_words import along_the_line, line_radius, title_along_the_line
 from fingerlab.sessions.model import Session
 from fingerlab.signals.periods import REGION_TITLES
 from fingerlab.thesis.analysis import PublishedQuantity, ThesisAnalysis, thesis_analysis
@@ -158,19 +167,25 @@ def _of_motor_bench(session: Session, progress: Progress) -> Analysis:
         return Analysis(session.path.name, note=str(error))
     return Analysis(
         session.path.name,
-        bench=_bench_rows(fit),
+        bench=_bench_rows(fit, line_radius(session)),
         by_run=tuple((run, r2_text(r2)) for run, r2 in fit.run_r2.items()),
     )
 
 
-def _bench_rows(fit: MotorBenchFit) -> tuple[tuple[str, str], ...]:
+def _bench_rows(fit: MotorBenchFit, radius: float) -> tuple[tuple[str, str], ...]:
     titles = {"inertia": "Inertia J", "gain": "Gain on the load", "offset": "Offset"}
+    titles = {name: title_along_the_line(title, radius) for name, title in titles.items()}
     rows = [
-        (titles[name], estimate_text(value) + (", fixed by the rig" if name in fit.fixed else ""))
+        (
+            titles[name],
+            estimate_text(along_the_line(value, radius))
+            + (", fixed by the rig" if name in fit.fixed else ""),
+        )
         for name, value in fit.parameters.items()
     ]
+    error = amount(fit.rmse / radius, "N") if radius else f"{1e3 * fit.rmse:.1f} mN m"
     rows += [(titles[name], "the recordings cannot show it") for name in fit.absent]
-    return (*rows, ("R2 over all runs", r2_text(fit.r2)), ("Error", f"{1e3 * fit.rmse:.1f} mN m"))
+    return (*rows, ("R2 over all runs", r2_text(fit.r2)), ("Error", error))
 
 
 VARIANT_TITLES = {"nominal": "Nominal model", "extended": "Extended model"}

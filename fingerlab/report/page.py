@@ -44,6 +44,7 @@ from fingerlab.report.equation_text import (
     to_latex,
 )
 from fingerlab.report.figure_style import NamedFigure, Pictures, save_figures
+from fingerlab.report.line_words import arc_sentence, line_radius
 from fingerlab.report.page_tables import calibration_rows, calibration_sentence, rig_hash, versions
 from fingerlab.report.pdf import pdf_of_page
 from fingerlab.report.recording_words import next_experiment_words, paired_sentence
@@ -149,6 +150,7 @@ class Page:
 def render(content: Content, progress: Progress) -> Page:
     """The page."""
     sessions, diagnosis, analysis = content.sessions, content.diagnosis, content.analysis
+    radius = line_radius(sessions[0])
     pictures = Pictures(progress, _picture_count(diagnosis, analysis))
     title = " + ".join(dict.fromkeys(s.title or s.path.stem for s in sessions))
     templates = Environment(
@@ -194,9 +196,10 @@ def render(content: Content, progress: Progress) -> Page:
         failure_picture=_failure_picture(diagnosis, pictures, len(sessions) > 1),
         profile_picture=_profile_picture(diagnosis, pictures),
         equations=_equations(diagnosis, pictures, len(sessions) > 1),
-        candidates=[_candidate(c, pictures) for c in _drawn_candidates(diagnosis)],
-        next_experiment=next_experiment_words(diagnosis),
-        model_rows=tables.model_rows(content.bench),
+        candidates=[_candidate(c, pictures, radius) for c in _drawn_candidates(diagnosis)],
+        next_experiment=next_experiment_words(diagnosis, radius),
+        model_rows=tables.model_rows(content.bench, radius),
+        arc=arc_sentence(radius),
         prediction=content.prediction,
         prediction_picture=_prediction_picture(content.prediction, pictures),
         equation=_equation(content, pictures, title),
@@ -259,12 +262,12 @@ def _drawn_candidates(diagnosis: Diagnosis) -> list[Candidate]:
     return best[: max(FEWEST_CANDIDATES, len(words.suspects(diagnosis)))]
 
 
-def _candidate(candidate: Candidate, pictures: Pictures) -> dict[str, Any]:
+def _candidate(candidate: Candidate, pictures: Pictures, radius: float) -> dict[str, Any]:
     print_ = candidate.fingerprint
     return {
         "title": candidate.title,
         "row": tables.outcome_of(candidate),
-        "parameters": tables.parameter_rows(candidate),
+        "parameters": tables.parameter_rows(candidate, radius),
         "equations": words.listed([words.FAMILY_TITLES.get(e, e).lower() for e in candidate.equations]),
         "picture": None
         if print_ is None

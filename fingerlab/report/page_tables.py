@@ -38,6 +38,7 @@ from fingerlab.report.diagnosis_words import (
     UNKNOWN_WORDS,
     shown_best_first,
 )
+from fingerlab.report.line_words import along_the_line, title_along_the_line
 from fingerlab.report.parameter_words import is_told, parameter_title, parameter_titles
 from fingerlab.rig.file import CONSTANT_UNITS, Finger, Motor, changed_words, sources_of
 from fingerlab.sessions import content_hash
@@ -133,10 +134,17 @@ def outcome_of(candidate: Candidate) -> RankedOutcome:
     )
 
 
-def parameter_rows(candidate: Candidate) -> list[tuple[str, str]]:
-    """Title and value with interval of each parameter of an effect."""
+def parameter_rows(candidate: Candidate, radius: float = 0.0) -> list[tuple[str, str]]:
+    """Title and value with interval of each parameter of an effect.
+
+    Args:
+        radius: of the arc as which a linear axis is told, m; 0: it turns.
+    """
     titles = parameter_titles(candidate.effect, list(candidate.parameters))
-    return [(titles[name], estimate_text(value)) for name, value in candidate.parameters.items()]
+    return [
+        (title_along_the_line(titles[name], radius), estimate_text(along_the_line(value, radius)))
+        for name, value in candidate.parameters.items()
+    ]
 
 
 _MODEL_ROWS = (
@@ -144,16 +152,20 @@ _MODEL_ROWS = (
 )  # fmt: skip
 
 
-def model_rows(parameters: Mapping[str, ParameterEstimate]) -> list[tuple[str, str]]:
+def model_rows(parameters: Mapping[str, ParameterEstimate], radius: float = 0.0) -> list[tuple[str, str]]:
     """What the fit found out about the bench itself: moment arms and losses, or the motor bench's constants.
 
     Left out are nuisances that only let a constant move within its tolerance, and what no run can show.
+
+    Args:
+        radius: of the arc as which a linear axis is told, m; 0: it turns.
     """
     rows = []
     for key in _MODEL_ROWS:
         for name, estimate in parameters.items():
             if name.partition("@")[0] == key and is_told(name, estimate):
-                rows.append((parameter_title(name, ()), estimate_text(estimate)))
+                title = title_along_the_line(parameter_title(name, ()), radius)
+                rows.append((title, estimate_text(along_the_line(estimate, radius))))
     return rows
 
 
@@ -216,7 +228,7 @@ def rig_rows(session: Session) -> list[RigRow]:
     for group, part, kind in (("finger", rig.finger, Finger), ("motor", rig.motor, Motor)):
         for spec in fields(kind) if part is not None else ():
             value = getattr(part, spec.name)
-            if value is None:
+            if value is None or spec.name in rig.untold:
                 continue
             unit = screen_unit(CONSTANT_UNITS[spec.name], abs(value))
             shown = unit.after(f"{value * unit.factor:.4g}".replace("-", "−"))

@@ -76,13 +76,17 @@ def paired_sentence(diagnosis: Diagnosis) -> str:
     return " ".join(sentences)
 
 
-def next_experiment_sentence(diagnosis: Diagnosis) -> str | None:
-    """What to record next and what that would tell apart or show; None where nothing is called for."""
+def next_experiment_sentence(diagnosis: Diagnosis, radius: float = 0.0) -> str | None:
+    """What to record next and what that would tell apart or show; None where nothing is called for.
+
+    Args:
+        radius: of the arc as which a linear axis is told, m, whose motion is told in mm; 0: it turns.
+    """
     proposal = diagnosis.next_experiment
     if not proposal:
         return None
     phase, cable = str(proposal.get("phase") or ""), str(proposal.get("cable") or "none")
-    run = _motion_words(proposal.get("trajectory"))
+    run = _motion_words(proposal.get("trajectory"), radius)
     run += f", {PHASE_WORDS.get(phase, phase)}" if phase else ""
     run += f", {cable} cable" if cable != "none" else ""
     change = proposal.get("intervention")
@@ -110,9 +114,9 @@ def run_proposed(diagnosis: Diagnosis) -> bool:
     return not (isinstance(chance, int | float) and chance < NO_CHANCE)
 
 
-def next_experiment_words(diagnosis: Diagnosis) -> str:
-    """What to record next, or that nothing is known to be worth recording."""
-    sentence = next_experiment_sentence(diagnosis)
+def next_experiment_words(diagnosis: Diagnosis, radius: float = 0.0) -> str:
+    """What to record next, or that nothing is known to be worth recording; ``radius`` as of the sentence."""
+    sentence = next_experiment_sentence(diagnosis, radius)
     if sentence is not None:
         return sentence
     if diagnosis.verdict == Verdict.NOTHING_MISSING and not not_shown(diagnosis):
@@ -134,16 +138,17 @@ def _purpose_words(diagnosis: Diagnosis) -> str:
     return ""
 
 
-def _motion_words(trajectory: object) -> str:
-    """The motor's motion, and the known load where there is one."""
+def _motion_words(trajectory: object, radius: float) -> str:
+    """The motor's motion, and the known load where there is one; along a line where ``radius``, m, is one."""
     if not isinstance(trajectory, Mapping):
         return str(trajectory or "a run")
     rest = dict(trajectory)
     load = rest.pop("load_torque", None)
-    words = trajectory_words(rest)
+    words = trajectory_words(rest, radius)
     if not isinstance(load, (int, float)) or load == 0:
         return words
-    return f"{words}, against a known load of {amount(load, 'N m')}"
+    known = amount(load / radius, "N") if radius else amount(load, "N m")
+    return f"{words}, against a known load of {known}"
 
 
 def _gain_words(gain: object) -> str:

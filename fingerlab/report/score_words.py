@@ -41,6 +41,7 @@ from fingerlab.report.diagnosis_words import (
     shown_best_first,
     worth_adding,
 )
+from fingerlab.report.line_words import along_the_line, title_along_the_line
 from fingerlab.report.parameter_words import held_words, parameter_title
 
 EQUATION_NAMES = {name: one.name for name, one in EQUATIONS.items()} | {"tip_depth": "the tip's depth"}
@@ -485,13 +486,21 @@ def path_sentence(diagnosis: Diagnosis) -> str:
     return f"{text}. No further effect earns its place.{left}"
 
 
-def machine_sentence(diagnosis: Diagnosis) -> str:
-    """Inertia and gains of a motor alone by the last model of the path, 90 %; empty beside a finger."""
+def machine_sentence(diagnosis: Diagnosis, radius: float = 0.0) -> str:
+    """Inertia and gains of a motor alone by the last model of the path, 90 %; empty beside a finger.
+
+    Args:
+        radius: of the arc as which a linear axis is told, m; 0: it turns.
+    """
     found = diagnosis.final_parameters
     if "bench_inertia" not in found or any(name.startswith("arm_") for name in found):
         return ""
     titles = {key: parameter_title(key, list(found)) for key in found if key == "bench_inertia" or "." in key}
-    words = [f"{title[0].lower()}{title[1:]} {estimate_text(found[key])}" for key, title in titles.items()]
+    titles = {key: title_along_the_line(title, radius) for key, title in titles.items()}
+    words = [
+        f"{title[0].lower()}{title[1:]} {estimate_text(along_the_line(found[key], radius))}"
+        for key, title in titles.items()
+    ]
     return f"The fitted machine: {'; '.join(words)} (90 %)."
 
 

@@ -35,6 +35,8 @@ LARGEST, SMALLEST = 1e9, 1e-9
 """SI; what lies beyond is no constant of a bench, and its products no numbers."""
 UNTOLD = "not_told"
 """Key of a rig that was made for the log of a strange machine: constants whose numbers stand for nothing."""
+GIVES_TORQUE = ("torque_constant", "gear_ratio")
+"""Constants that say together what an ampere gives at the output."""
 DIVISORS = ("torque_constant", "gear_ratio", "pulley_radius")
 """Constants that are divided by."""
 
@@ -99,10 +101,15 @@ class Rig:
     @property
     def ampere(self) -> float:
         """Torque of an ampere at the output, N m/A; 0 of a machine of which nobody said it."""
-        told = self.extra.get(UNTOLD)
-        if isinstance(told, list) and "torque_constant" in told:
+        if self.untold & set(GIVES_TORQUE):
             return 0.0
         return self.motor.torque_constant * self.motor.gear_ratio
+
+    @property
+    def untold(self) -> set[str]:
+        """Constants whose numbers stand for nothing, for nobody said them of this machine."""
+        names = self.extra.get(UNTOLD)
+        return {str(name) for name in names} if isinstance(names, list) else set()
 
     @property
     def daq(self) -> Daq:
@@ -329,6 +336,19 @@ def load_rig(path: str | Path) -> Rig:
             "or [daq] or [limits], as a copy of the default rig does."
         )
     return rig
+
+
+def load_axis_rig(path: str | Path) -> Rig:
+    """Read the rig file of a machine of one axis: what an ampere gives there is nothing that one assumes.
+
+    Raises:
+        UserError: as :func:`load_rig`.
+    """
+    rig = load_rig(path)
+    told = read_object(read_text(Path(path), "the TOML file of a rig"), str(path), "", toml=True)
+    motor = told.get("motor") or {}
+    untold = [name for name in GIVES_TORQUE if name not in motor]
+    return replace(rig, finger=None, extra={**rig.extra, UNTOLD: untold} if untold else rig.extra)
 
 
 def parse_rig(text: str, where: str) -> Rig:

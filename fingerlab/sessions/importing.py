@@ -16,11 +16,22 @@ import numpy as np
 from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress
 from fingerlab.core.text import factor
-from fingerlab.rig.file import UNTOLD, Motor, Rig
+from fingerlab.rig.file import GIVES_TORQUE, UNTOLD, Motor, Rig
 from fingerlab.sessions.disk_files import repeated_files
 from fingerlab.sessions.hdf5 import sample_fault
 from fingerlab.sessions.left_out import RowsLeftOut, kept_rows
-from fingerlab.sessions.mapping import AXIS_RADIUS_M, Axis, Column, Table, axis_lacks, map_columns, words_of
+from fingerlab.sessions.mapping import (
+    AUTOMATIC,
+    AXIS_RADIUS_M,
+    Axis,
+    Column,
+    Table,
+    axis_lacks,
+    is_linear,
+    map_columns,
+    unknown_names,
+    words_of,
+)
 from fingerlab.sessions.mat_table import MatTable, mat_tables
 from fingerlab.sessions.model import LEAST_RATE, LEFT_OUT, MOST_RATE, RATE_TOLERANCE, REQUIRED_CHANNELS, Array
 from fingerlab.sessions.reading import open_session
@@ -123,16 +134,59 @@ def of_one_axis(
     """The files as motor-bench runs of any machine, and a rig that knows no finger.
 
     Args:
-        rig: with the machine's constants; None: only ``torque_constant``, N m/A with the gear, if that.
+        rig: with the machine's constants; None: nothing but ``torque_constant`` is known, if that.
+        torque_constant: what an ampere gives at the axis with the gear, N m/A; of a linear axis N/A.
         radius: of the arc as which a linear axis is told, or the lever of a force on one that turns, m; None:
             :data:`AXIS_RADIUS_M`, which is no lever of anything.
     """
-    lever = Axis(radius or AXIS_RADIUS_M, radius is not None)
-    motor = rig.motor if rig is not None else Motor(torque_constant or Motor.torque_constant, 1.0)
+    lever = Axis(radius or AXIS_RADIUS_M, radius is not None, torque_constant)
     runs = [replace(source, phase="motor_bench", cable="none", axis=lever) for source in sources]
-    if rig is not None:
-        return runs, replace(rig, finger=None)
-    return runs, Rig(None, motor, extra={} if torque_constant else {UNTOLD: ["torque_constant"]})
+    if rig is None:
+        rig = Rig(None, Motor(gear_ratio=1.0), extra={UNTOLD: list(GIVES_TORQUE)})
+    if torque_constant:
+        motor = replace(rig.motor, torque_constant=torque_constant, gear_ratio=1.0)
+        rig = replace(rig, motor=motor, extra={k: v for k, v in rig.extra.items() if k != UNTOLD})
+    return runs, replace(rig, finger=None)
+
+
+def moves_along_a_line(plan: ImportPlan) -> bool:
+    """Whether a table is the log of an axis whose position is a length."""
+    return plan.source.axis is not None and any(is_linear(c.unit, "rad") for c in _angles(plan))
+
+
+def _angles(plan: ImportPlan) -> list[Column]:
+    return [column for column in plan.columns if column.target_unit == "rad"]
+
+
+def refuse_unknown_constant(plan: ImportPlan, rig: Rig, rig_named: str = "", option: str = "") -> None:
+    """Refuse the log of an axis with a current alone of which nobody says what torque or force it gives.
+
+    Args:
+        rig_named: the rig file, if one is given. option: where an ampere's torque is told otherwise.
+
+    Raises:
+        UserError: nobody says it, or a rig file says it for an axis that turns and this one is linear.
+    """
+    if "motor_torque" not in plan.derived:
+        return
+    axis, linear = plan.source.axis, moves_along_a_line(plan)
+    untold = [name for name in GIVES_TORQUE if name in rig.untold]
+    if rig_named and len(untold) == 1:
+        raise UserError(
+            f"{plan.table.path} gives a current and no torque, and {rig_named} holds no {untold[0]}; give "
+            f"{' and '.join(GIVES_TORQUE)} there, the ratio 1 where there is no gear."
+        )
+    if untold:
+        raise UserError(
+            f"{plan.table.path} gives a current and no torque; say {option} what an ampere gives at the "
+            f"axis, {'N/A' if linear else 'N m/A'} with the gear included."
+        )
+    if linear and axis is not None and axis.constant is None and not axis.lever:
+        raise UserError(
+            f"{plan.table.path} tells the position in a length, and {rig_named or 'the rig'} what an ampere "
+            f"gives in N m; say {option} in place of that what it gives in N/A, or --radius should give the "
+            "lever between the two in m."
+        )
 
 
 def _tables(path: Path) -> Sequence[Table]:
@@ -171,20 +225,24 @@ def import_files(
         UserError: a row does not fit, the samples break the format, or the target exists or is full;
             nothing is left behind.
     """
-    # A linear axis is told as an arc about this lever.
-    levers = [
-        plan.source.axis.radius
-        for plan in plans
-        for column in plan.columns
-        if plan.source.axis and column.target_unit == "rad" and factor(column.unit, "m") is not None
-    ]
-    rig = replace(rig, extra={**rig.extra, "axis": {"radius_m": levers[0]}}) if levers else rig
+    rig = _told_as_an_arc(rig, plans)
     with SessionWriter(target, rig, title, attributes=attributes) as writer:
         for number, plan in enumerate(plans):
             if progress:
                 progress(number / len(plans), plan.table.path.name)
             _write_run(writer, plan, rig)
     return Path(target)
+
+
+def _told_as_an_arc(rig: Rig, plans: Sequence[ImportPlan]) -> Rig:
+    """The rig with the radius of a linear axis, at which an ampere's force is a torque; else as it is."""
+    axis = next((plan.source.axis for plan in plans if moves_along_a_line(plan)), None)
+    if axis is None:
+        return rig
+    motor = rig.motor
+    if axis.constant is not None:
+        motor = replace(motor, torque_constant=axis.constant * axis.radius)
+    return replace(rig, motor=motor, extra={**rig.extra, "axis": {"radius_m": axis.radius}})
 
 
 def left_out_words(path: Path) -> list[str]:
@@ -231,6 +289,12 @@ def describe(plan: ImportPlan) -> list[str]:
     if plan.counted_time:
         lines.append(f"  time <- counted at {plan.sample_rate_hz:g} samples a second")
     lines += [f"  {channel} <- {formula} (derived)" for channel, formula in plan.derived.items()]
+    axis = plan.source.axis
+    if "motor_torque" in plan.derived and axis is not None and axis.constant is not None:
+        arc = f", {axis.constant * axis.radius:g} N m on the arc of {1e3 * axis.radius:g} mm"
+        linear = moves_along_a_line(plan)
+        unit = "N" if linear else "N m"
+        lines.append(f"  an ampere gives {axis.constant:g} {unit} at the axis{arc if linear else ''}")
     if not isinstance(table, MatTable) and table.ahead > (table.header is not None):
         lines.append(f"  of the {table.ahead} lines before the first row, names and units alone are read")
     used = {column.index for column in plan.columns}
@@ -254,6 +318,7 @@ def _layout(table: Table) -> str:
 
 def _plan(source: TextRun, table: Table, mapping: str | None, rate: float | None) -> ImportPlan:
     columns = map_columns(table, mapping, source.axis)
+    misnamed = "" if mapping in AUTOMATIC else unknown_names(columns, source.axis)
     present = {column.channel for column in columns}
     derived = {
         channel: formula
@@ -263,16 +328,16 @@ def _plan(source: TextRun, table: Table, mapping: str | None, rate: float | None
     counted = "time" not in present
     if counted and rate is None:
         raise UserError(
-            f"{table.path} gives no time; map its column with --map, or give the sampling rate with --rate"
-            f"{'.' if source.axis else NOT_OF_THE_BENCH}"
+            f"{table.path} gives no time{misnamed}; map its column with --map, or give the sampling rate "
+            f"with --rate{'.' if source.axis else NOT_OF_THE_BENCH}"
         )
     for channel in REQUIRED_CHANNELS[source.phase]:
         if channel not in present and channel not in derived and channel != "time":
             if source.axis is not None:
-                raise UserError(axis_lacks(table, channel, columns))
+                raise UserError(axis_lacks(table, channel, columns, misnamed))
             raise UserError(
-                f"{table.path} gives no '{channel}', which a run of phase '{source.phase}' needs; map its "
-                f"column with --map, or choose another --phase{NOT_OF_THE_BENCH}"
+                f"{table.path} gives no '{channel}', which a run of phase '{source.phase}' needs{misnamed}; "
+                f"map its column with --map, or choose another --phase{NOT_OF_THE_BENCH}"
             )
     left_out = _left_out(table)
     first = next(kept_rows(_blocks(table), columns, left_out))[0]

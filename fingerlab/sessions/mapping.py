@@ -18,7 +18,7 @@ from typing import Any
 from fingerlab.core.errors import UserError
 from fingerlab.core.files import read_text
 from fingerlab.core.plain_data import read_object
-from fingerlab.core.text import FACTORS, factor, shown
+from fingerlab.core.text import FACTORS, factor, listed, shown
 from fingerlab.sessions.mat_table import MatTable
 from fingerlab.sessions.model import CHANNEL_UNITS
 from fingerlab.sessions.text_table import MOST_LETTERS, TextTable
@@ -85,6 +85,8 @@ _GUESSED = ("time", "motor_position", "motor_torque", "motor_current")
 _EITHER = ("motor_torque", "motor_current")
 """Of these an axis needs one."""
 
+AUTOMATIC = (None, "", "auto")
+"""Mappings that leave it to the header, or to the bench's own order."""
 AXIS_RADIUS_M = 0.01
 """Radius of the arc as which a linear axis is told, m: 1 mm is 0.1 rad and 1 N is 0.01 N m. Only a scale."""
 
@@ -98,8 +100,12 @@ _ALONG_A_LINE = {"rad": "m", "N m": "N"}
 """What stands on a linear axis in place of an angle and a torque."""
 _LINEAR_WORDS = re.compile(r"force|kraft|stroke|displacement|\bweg\b|\bhub\b")
 """In a header: the axis is likely to move along a line."""
-_NO_UNITS = ("m", "v", "V", "g")
-"""At the end of a name they rather mean a motor, a velocity or gravity."""
+_NO_UNITS = ("m", "v", "V", "g", "in")
+"""At the end of a name they rather mean a motor, a velocity, gravity or what goes in."""
+_TWO_WORDS = re.compile(r"^(?P<name>.*[^\W_])[_ ](?P<first>[^\W\d_]+)[_ ](?P<second>[^\W\d_]+)$")
+"""A unit of two words behind a name, as in ``torque_kgf_cm``."""
+_OWN_FACTOR = 0.00153
+"""In the example of a unit of one's own: a step of an encoder of 4,096 steps, rad."""
 MOST_SHOWN = 12
 """Columns that a sentence names."""
 _CHANNEL_NAME = re.compile(r"(raw/)?[A-Za-z_][A-Za-z0-9_]*")
@@ -134,10 +140,12 @@ class Axis:
         radius: of the arc as which a length is told, and the lever of a force, m.
         lever: whether somebody said that it is one of the machine, at which a force turns the axis; otherwise
             it is a scale alone, and an axis is told in angles and torques, or in lengths and forces.
+        constant: what an ampere gives at the axis, N m/A, of a linear one N/A; None: a rig says it, or none.
     """
 
     radius: float = AXIS_RADIUS_M
     lever: bool = False
+    constant: float | None = None
 
     def factor(self, unit: str, target: str) -> float | None:
         """To the SI unit ``target``, of an axis that moves along a line, too; None: it cannot be."""
@@ -173,7 +181,7 @@ def map_columns(table: Table, mapping: str | None, axis: Axis | None = None) -> 
     Raises:
         UserError: the mapping cannot be understood or does not fit the file.
     """
-    if mapping in (None, "", "auto"):
+    if mapping in AUTOMATIC:
         if axis is not None and not table.header:
             raise UserError(
                 f"{table.path} has no header; say which column is which with --map, such as "
@@ -250,10 +258,18 @@ def _refuse_unnamed(columns: tuple[Column, ...], table: Table) -> None:
         return
     for channel in lacking(columns):
         raise UserError(axis_lacks(table, channel, columns))
-    named = [f"'{c.channel}' (column {c.index + 1})" for c in unnamed]
+    named = [f"'{c.channel}' (column {c.index + 1}{_unknown_ending(c, table)})" for c in unnamed]
     names = " and ".join((", ".join(named[:-1]), named[-1]) if len(named) > 1 else named)
     wanted = _mapping_text({c.channel: c for c in columns}, table)
     raise UserError(f"{table.path} names no unit of {names}; say them, such as --map {wanted}.")
+
+
+def _unknown_ending(column: Column, table: Table) -> str:
+    """That a word stands at the end of a column's name, which may be its unit but is none that is known."""
+    match = _TRAILING_UNIT.match(table.header[column.index].strip()) if table.header else None
+    if match is None or match["unit"] in _NO_UNITS:
+        return ""
+    return f", '{shown(match['unit'], MOST_LETTERS)}' is no unit that is known"
 
 
 def _refuse_mixed(columns: tuple[Column, ...], table: Table) -> None:
@@ -280,11 +296,21 @@ def lacking(columns: Sequence[Column]) -> list[str]:
     return [name for name in ("motor_position", "motor_torque") if name not in present]
 
 
-def axis_lacks(table: Table, channel: str, columns: Sequence[Column]) -> str:
+def unknown_names(columns: Sequence[Column], axis: Axis | None) -> str:
+    """What a mapping calls columns that are no channel, and what it may, as a part of a sentence."""
+    strange = [f"'{c.channel}'" for c in columns if c.channel not in CHANNEL_UNITS and "/" not in c.channel]
+    if not strange:
+        return ""
+    known = CHANNEL_UNITS if axis is None else ("time", *_AXIS_NAMES)
+    are = "is" if len(strange) == 1 else "are"
+    return f"; {listed(strange)} in the mapping {are} none of {', '.join(known)}"
+
+
+def axis_lacks(table: Table, channel: str, columns: Sequence[Column], misnamed: str = "") -> str:
     """The sentence about the log of an axis in which a channel was not found: what there is, and a mapping.
 
     Args:
-        columns: those that were found.
+        columns: those that were found. misnamed: what :func:`unknown_names` says of them.
     """
     usable = [k for k in range(table.columns) if k not in words_of(table)]
     named = [
@@ -305,11 +331,22 @@ def axis_lacks(table: Table, channel: str, columns: Sequence[Column]) -> str:
         else:
             missing.append(name)
     wanted = _mapping_text(found, table, missing)
+    told_otherwise = table.header is not None and any(
+        _passed_over(*_split_axis_header(table.header[k]), "") for k in free
+    )
+    end = ", N being its column" if missing else ""
+    end += _own_unit_words(missing) if missing and told_otherwise else ""
     what = f"{short_name(channel)}{' and no current' if channel == 'motor_torque' else ''}"
     return (
-        f"{table.path} gives no {what}, which the log of an axis needs; it has the columns {have}: say which "
-        f"is which, such as --map {wanted}{', N being its column' if missing else ''}."
+        f"{table.path} gives no {what}, which the log of an axis needs{misnamed}; it has the columns "
+        f"{have}: say which is which, such as --map {wanted}{end}."
     )
+
+
+def _own_unit_words(missing: Sequence[str]) -> str:
+    """How a column is mapped whose unit is of another kind, such as volts for a torque."""
+    usual = _USUAL_UNITS[CHANNEL_UNITS[missing[-1]]]
+    return f"; a unit of another kind takes a factor behind a known one, such as {usual}:{_OWN_FACTOR:g}"
 
 
 def _may_be(table: Table, index: int, channel: str, unit: str | None) -> Column | None:
@@ -363,7 +400,15 @@ def _by_header(table: Table, axis: Axis | None) -> tuple[Column, ...]:
     parts = [split_header(cell) if axis is None else _split_axis_header(cell) for cell in table.header]
     channels, doubtful = _channels_of(parts, words_of(table), axis)
     columns = tuple(
-        _column(channels[index], index, parts[index][1], 1.0, f"header '{cell}'", table, axis)
+        _column(
+            channels[index],
+            index,
+            parts[index][1],
+            1.0,
+            f"header '{cell}'{'' if axis is None else _passed_over(*parts[index], channels[index])}",
+            table,
+            axis,
+        )
         for index, cell in enumerate(table.header)
         if index not in words_of(table)
     )
@@ -377,6 +422,14 @@ def _by_header(table: Table, axis: Axis | None) -> tuple[Column, ...]:
             f"{short_name(channel)}; say which is which, such as --map {_mapping_text(found, table)}."
         )
     return columns
+
+
+def _passed_over(name: str, unit: str | None, taken_as: str) -> str:
+    """That a column of an axis is not what its name says, for its unit is of something else; empty: it is."""
+    said = _channel_of(name, 0, _AXIS_KEYWORDS)
+    if said == taken_as or not unit or said not in CHANNEL_UNITS or not _is_of_another_kind(unit, said):
+        return ""
+    return f"; no {short_name(said)}, for that is not told in {unit}"
 
 
 def _channels_of(
@@ -401,6 +454,10 @@ def _channels_of(
     doubtful: dict[str, list[int]] = {}
     if axis is None:
         return found, doubtful
+    for k, (name, unit) in enumerate(parts):
+        if unit and found[k] in CHANNEL_UNITS and _is_of_another_kind(unit, found[k]):
+            own = _own_name(name, k)
+            found[k] = own if own not in CHANNEL_UNITS else found[k]
     for channel in _GUESSED:
         one_of = _EITHER if channel in _EITHER else (channel,)
         if any(other in one_of for k, other in enumerate(found) if k not in words):
@@ -427,6 +484,11 @@ def _may_mean(unit: str, channel: str) -> bool:
     return Axis().factor(unit, CHANNEL_UNITS[channel]) is not None
 
 
+def _is_of_another_kind(unit: str, channel: str) -> bool:
+    """Whether a unit is known, and none of what an axis' quantity may be told in."""
+    return any(unit in table for table in FACTORS.values()) and not _may_mean(unit, channel)
+
+
 def split_header(cell: str) -> tuple[str, str | None]:
     match = _HEADER_UNIT.match(cell)
     if match is None:
@@ -438,6 +500,9 @@ def split_header(cell: str) -> tuple[str, str | None]:
 def _split_axis_header(cell: str) -> tuple[str, str | None]:
     """The same with a unit behind the name, too, as in ``q_deg`` or ``current_mA``."""
     name, unit = split_header(cell)
+    two = _TWO_WORDS.match(name) if unit is None else None
+    if two is not None and f"{two['first']} {two['second']}" in FACTORS["N m"]:
+        return two["name"], f"{two['first']} {two['second']}"
     match = _TRAILING_UNIT.match(name) if unit is None else None
     if match is None or match["unit"] in _NO_UNITS:
         return name, unit
@@ -453,6 +518,11 @@ def _channel_of(name: str, index: int, keywords: Sequence[tuple[str, str]]) -> s
     for channel, pattern in keywords:
         if re.search(pattern, lowered):
             return channel
+    return _own_name(name, index)
+
+
+def _own_name(name: str, index: int) -> str:
+    """What a column is called in the session that is none of its channels."""
     cleaned = re.sub(r"\W+", "_", name, flags=re.ASCII).strip("_").lower()
     return cleaned if cleaned and not cleaned[0].isdigit() else f"column_{index + 1}"
 
@@ -514,9 +584,12 @@ def _column(
     times = factor(unit, target) if axis is None else axis.factor(unit, target)
     if times is None:
         along_a_line = FACTORS[_ALONG_A_LINE[target]] if axis is not None and target in _ALONG_A_LINE else {}
+        usual, name = target.replace(" ", ""), channel if axis is None else short_name(channel)
         raise UserError(
             f"{table.path}, column {index + 1} is taken as '{channel}' in '{unit}'; it should be in one of "
-            f"{', '.join([*FACTORS[target], *along_a_line])}."
+            f"{', '.join([*FACTORS[target], *along_a_line])}; any other takes a factor to one of them, such "
+            f"as {name}={index + 1}:{usual}:{_OWN_FACTOR:g} where one '{shown(unit, MOST_LETTERS)}' is "
+            f"{_OWN_FACTOR:g} {usual}."
         )
     return Column(channel, index, unit, target, times * scale, source)
 

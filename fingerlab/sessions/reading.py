@@ -15,7 +15,7 @@ from fingerlab.core.errors import UserError
 from fingerlab.core.plain_data import read_object
 from fingerlab.core.progress import Progress
 from fingerlab.core.text import same_unit
-from fingerlab.rig.file import Motor, Rig, intervention_of
+from fingerlab.rig.file import Rig, intervention_of
 from fingerlab.sessions.hdf5 import MOST_RUNS, DatasetFacts, FileReader, attributes_of, datasets_of, open_hdf5
 from fingerlab.sessions.model import (
     CABLES,
@@ -175,14 +175,7 @@ def _judge(session: Session, run: Run, tally: _Tally) -> list[Finding]:
         )
         return [Finding("error", run.name, text)]
     if tally.gaps:
-        found.append(
-            Finding(
-                "warning",
-                run.name,
-                f"{tally.gaps} gap{'s' * (tally.gaps != 1)} in time, {tally.lost} "
-                f"sample{'s' * (tally.lost != 1)} lost.",
-            )
-        )
+        found.append(Finding("warning", run.name, _gap_words(tally)))
     if run.length < 2:
         found.append(Finding("warning", run.name, "only one sample; nothing can be fitted to it."))
     if tally.force_nan:
@@ -193,18 +186,32 @@ def _judge(session: Session, run: Run, tally: _Tally) -> list[Finding]:
                 "warning", run.name, "a contact run without the fingertip's force; prediction has no measure."
             )
         )
-    found += _judge_torque(session.rig.motor, run, tally)
+    found += _judge_torque(session.rig, run, tally)
     found += _judge_attributes(run)
     return found
 
 
-def _judge_torque(motor: Motor, run: Run, tally: _Tally) -> list[Finding]:
+def _gap_words(tally: _Tally) -> str:
+    """What is wrong with the times of a run: samples that are missing, or that come early and late."""
+    if 2 * round(tally.step_sum - tally.steps) < tally.lost:
+        uneven = tally.steps - tally.regular
+        return (
+            f"uneven sampling, {uneven} of {tally.steps} steps of time are off by more than half of the "
+            "usual one; a diagnosis takes the samples at their times."
+        )
+    return (
+        f"{tally.gaps} gap{'s' * (tally.gaps != 1)} in time, {tally.lost} "
+        f"sample{'s' * (tally.lost != 1)} lost."
+    )
+
+
+def _judge_torque(rig: Rig, run: Run, tally: _Tally) -> list[Finding]:
     """motor_torque is kt * N * motor_current by definition; a slope that differs is a wrong constant."""
     if tally.current_current == 0.0:
         return []
     slope = tally.torque_current / tally.current_current
-    wanted = motor.torque_constant * motor.gear_ratio
-    if abs(slope / wanted - 1.0) <= TORQUE_TOLERANCE:
+    wanted = rig.ampere
+    if not wanted or abs(slope / wanted - 1.0) <= TORQUE_TOLERANCE:
         return []
     text = (
         f"the motor's torque is {slope:.4g} N m/A times its current, but the rig's torque constant and gear "

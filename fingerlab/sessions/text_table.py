@@ -131,8 +131,32 @@ def inspect_table(path: str | Path) -> TextTable:
         del words[columns]
     first = _fitting(rows[ahead], columns)
     clocks = tuple(k for k, cell in enumerate(first) if k not in words and _CLOCK.fullmatch(cell.strip()))
+    if separator == "," and above:
+        _refuse_decimal_commas(above[-1], [row for row in rows[ahead:] if row], path)
     header = _header([_fitting(row, columns) for row in above], len(first), clocks)
     return TextTable(path, encoding, separator, decimal, header, len(first), ahead, clocks, words)
+
+
+def _refuse_decimal_commas(names: Sequence[str], rows: Sequence[Sequence[str]], path: Path) -> None:
+    """Commas that part the columns and the decimals alike: more numbers in a row than names, and no point.
+
+    Raises:
+        UserError: it is so.
+    """
+    widths = {len(row) for row in rows}
+    titled = len(names) > 1 and all(name and not _is_number(name, ".") for name in names)
+    whole = all(row[0].strip().lstrip("+-").isdecimal() for row in rows)
+    if not titled or not whole or any("." in cell for row in rows for cell in row):
+        return
+    if not len(names) < min(widths) <= max(widths) <= 2 * len(names):
+        return
+    if len(widths) == 1 and max(widths) < 2 * len(names):
+        return
+    most = max(widths)
+    raise UserError(
+        f"{path} has {len(names)} names above rows of {most} numbers, for commas stand between the columns "
+        "and in the numbers; write these with decimal points, or part the columns by semicolons or tabs."
+    )
 
 
 def _named(above: Sequence[Sequence[str]], columns: int) -> bool:

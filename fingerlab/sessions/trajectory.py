@@ -134,8 +134,18 @@ POINTS = ("time_s", "angle_deg", "torque_n_m")
 """Lists of points say nothing in a line; what they span is told."""
 
 
-def trajectory_words(trajectory: Mapping[str, Any]) -> str:
-    """What the motor was told to do, such as ``sine, 15°, 1 Hz, about 22°``."""
+def trajectory_words(trajectory: Mapping[str, Any], radius: float = 0.0) -> str:
+    """What the motor was told to do, such as ``sine, 15°, 1 Hz, about 22°``.
+
+    Args:
+        radius: of the arc as which a linear axis is told, m, for lengths in place of angles; 0: it turns.
+    """
+
+    def angle(degrees: Any) -> str:
+        if radius and isinstance(degrees, int | float):
+            return f"{1e3 * radius * np.radians(degrees):.3g} mm"
+        return f"{_number(degrees)}°"
+
     rest = dict(trajectory)
     kind = str(rest.pop("kind", "unknown"))
     for points in POINTS:
@@ -143,13 +153,13 @@ def trajectory_words(trajectory: Mapping[str, Any]) -> str:
     words = kind.replace("_", " ")
     amplitude = rest.pop("amplitude_deg", None)
     if amplitude is not None:
-        words += f", {_number(amplitude)}°"
+        words += f", {angle(amplitude)}"
     frequency = rest.pop("frequency_hz", None)
     if frequency is not None:
         words += f", {_number(frequency)} Hz"
     offset = rest.pop("offset_deg", None)
     if offset is not None:
-        words += f", about {_number(offset)}°"
+        words += f", about {angle(offset)}"
     middle, half = rest.pop("offset_n_m", None), rest.pop("amplitude_n_m", None)
     if isinstance(middle, int | float) and isinstance(half, int | float):
         words += f", {_number(1e3 * (middle - half))} to {_number(1e3 * (middle + half))} mN m"

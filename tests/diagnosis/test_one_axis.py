@@ -192,9 +192,7 @@ def test_a_zero_of_each_run_s_own_is_told_where_no_motion_comes_again(viscous: f
     size = float(plain.runs[0].channel("motor_torque").std())
     said = diagnose([with_zeros(plain, [0.0, 2.0 * size, -size, 0.7 * size])], with_curves=False)
     assert said.verdict == ("missing_effect" if viscous else "nothing_missing")
-    assert [one.effect for one in said.candidates if one.effect in said.set][0] == (
-        "motor_viscous_friction" if viscous else said.set[0]
-    )
+    assert said.final_model == (("motor_viscous_friction",) if viscous else ())
     assert said.path[-1].score < 1.1
     assert "amplifier_offset" in [one.to_json()["finding"] for one in said.bench]
 

@@ -69,7 +69,7 @@ def test_units_are_converted(tmp_path):
         ("[motor]\ntorque = 1\n", r"\[motor\] holds the unknown 'torque'; it knows torque_constant"),
         ("[motor]\ngear_ratio = 'four'\n", "gear_ratio is 'four'; it should be a finite number"),
         ("[motor]\ngear_ratio = nan\n", "gear_ratio is nan"),
-        ("[motor]\npulley_radius = {value = 1, unit = 'inch'}\n", "in 'inch'; it should be in 'm'"),
+        ("[motor]\npulley_radius = {value = 1, unit = 'furlong'}\n", "in 'furlong'; it should be in 'm'"),
         ("[motor]\npulley_radius = {radius = 1}\n", "a table of value, unit, source and tolerance"),
         ("[motor]\npulley_radius = {value = 1, tolerance = -1}\n", "tolerance -1"),
         ("[tolerance]\ninertia = true\n", "is True; it should be a finite number"),

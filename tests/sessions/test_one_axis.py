@@ -188,6 +188,243 @@ def test_a_current_needs_its_torque_constant(tmp_path, capsys):
     assert "motor_torque" in json.loads(session.runs[0].attributes["derived"])
 
 
+def a_stage(
+    folder: Path,
+    frequencies: tuple[float, ...],
+    friction: float = 4.0,
+    damping: float = 40.0,
+    noise: float = 0.05,
+) -> list[Path]:
+    """A stage of 12 kg under ``friction`` (N) and ``damping`` (N s/m) on 10 mm; its motor gives 38 N/A."""
+    rng, files = np.random.default_rng(7), []
+    for number, frequency in enumerate(frequencies):
+        time, pace = np.arange(1800) / 300.0, 2 * np.pi * frequency
+        way = 0.01 * np.sin(pace * time)
+        speed = 0.01 * pace * np.cos(pace * time)
+        force = -12.0 * pace**2 * way + damping * speed + friction * np.tanh(speed / 1e-3)
+        noisy = (force + rng.normal(0.0, noise, len(time))) / 38.0
+        name = folder / f"{number}.csv"
+        files.append(written(name, "t (s),x (mm),i (A)", time, 1e3 * way, noisy))
+    return files
+
+
+def told_of_the_machine(words: str) -> dict[str, float]:
+    """Numbers by title and unit of the line of the fitted machine."""
+    (line,) = re.findall(r"The fitted machine: (.*?) \(90 %\)", words)
+    parts = [re.fullmatch(r"(.*?) ([\d.]+) ± [\d.]+ (.*)", part) for part in line.split("; ")]
+    return {f"{part[1]}, {part[3]}": float(part[2]) for part in parts if part}
+
+
+@pytest.mark.parametrize("radius", [0.01, 0.03])
+def test_the_machine_of_a_linear_axis_is_told_in_kilograms_and_newtons(tmp_path, capsys, radius):
+    files = a_stage(tmp_path, (0.8, 1.3, 1.7))
+    options = ("--torque-constant", 38, "--radius", radius, "--out", tmp_path / "a.h5")
+    assert run_main(["import", "--axis", *files, *options], capsys)[0] == 0
+    said = " ".join(run_main(["diagnose", tmp_path / "a.h5"], capsys)[1].split())
+    assert told_of_the_machine(said) == {
+        "mass, kg": pytest.approx(12.0, rel=0.01),
+        "friction force, N": pytest.approx(4.0, rel=0.03),
+        "viscous coefficient, N s/m": pytest.approx(40.0, rel=0.03),
+    }
+    assert re.search(r"Motor force +[\d.]+ [\d.]+ N ", said)
+
+
+def test_what_to_record_next_of_a_linear_axis_is_told_in_millimetres(tmp_path, capsys):
+    """The JSON says it for the arc, SI; the sentence along the line."""
+    files = a_stage(tmp_path, (0.3, 0.3, 0.3), friction=2.0, damping=30.0, noise=1.0)
+    out = tmp_path / "a.h5"
+    run_main(["import", "--axis", *files, "--torque-constant", 38, "--radius", 0.02, "--out", out], capsys)
+    code, said, err = run_main(["diagnose", out, "--json", tmp_path / "a.json"], capsys)
+    assert code == 0, err
+    proposal = json.loads((tmp_path / "a.json").read_text(encoding="utf-8"))["next_experiment"]["trajectory"]
+    (next_,) = re.findall(r"Record next: .*?\. ", " ".join(said.split()))
+    millimetres = 20 * np.radians(proposal["amplitude_deg"])
+    assert f"{proposal['kind'].replace('_', ' ')}, {millimetres:.3g} mm, " in next_
+    assert "°" not in next_
+    assert "N m" not in next_
+
+
+@pytest.mark.parametrize(
+    ("motions", "noise"),
+    [(((0.3, 4.0), (0.3, 3.0)), 0.05), (((0.02, 4.0), (0.02, 3.0), (0.015, 5.0)), 0.01)],
+    ids=["wide", "narrow"],
+)
+def test_what_to_record_next_asks_little_more_than_was_recorded(tmp_path, capsys, motions, noise):
+    """Sines (rad, Hz) of an inertia of 2e-3 kg m^2; 20 degrees at 8 Hz would be 4.6 times their torque."""
+    rng, files, time = np.random.default_rng(3), [], np.arange(6000) / 500.0
+    for number, (amplitude, frequency) in enumerate(motions):
+        angle = amplitude * np.sin(2 * np.pi * frequency * time)
+        torque = -2e-3 * (2 * np.pi * frequency) ** 2 * angle + rng.normal(0.0, noise, len(time))
+        files.append(written(tmp_path / f"{number}.csv", "t (s),q (rad),tau (Nm)", time, angle, torque))
+    run_main(["import", "--axis", *files, "--out", tmp_path / "a.h5"], capsys)
+    code, out, _ = run_main(["diagnose", tmp_path / "a.h5", "--json", "-"], capsys)
+    assert code == 0
+    told = json.loads(out)["next_experiment"]["trajectory"]
+    pace, reach = 2 * np.pi * told["frequency_hz"], np.radians(told["amplitude_deg"])
+    assert told["kind"] == "sine"
+    quickest = [a * 2 * np.pi * f for a, f in motions]
+    sharpest = [a * (2 * np.pi * f) ** 2 for a, f in motions]
+    assert reach * pace <= 1.5 * max(quickest)
+    assert reach * pace**2 <= 1.5 * max(sharpest)
+    load = told.get("load_torque", 0.0)
+    assert 2e-3 * reach * pace**2 + load <= 1.5 * 2e-3 * max(sharpest)
+
+
+def test_uneven_sampling_is_told_once(tmp_path, capsys):
+    """Times that scatter by a third of a sample, of a motor under friction."""
+    rng, files = np.random.default_rng(0), []
+    for number, frequency in enumerate((0.8, 1.3, 1.7)):
+        time = (np.arange(3000) + rng.uniform(-0.35, 0.35, 3000)) / 500.0
+        angle = 0.5 * np.sin(2 * np.pi * frequency * time)
+        speed = np.pi * frequency * np.cos(2 * np.pi * frequency * time)
+        torque = -2e-4 * (2 * np.pi * frequency) ** 2 * angle + 0.04 * np.tanh(speed / 0.02)
+        noisy = torque + rng.normal(0.0, 5e-4, 3000)
+        name = tmp_path / f"{number}.csv"
+        files.append(written(name, "t (s),q (rad),tau (Nm)", time - time[0], angle, noisy))
+    run_main(["import", "--axis", *files, "--out", tmp_path / "a.h5"], capsys)
+    code, said, _ = run_main(["diagnose", tmp_path / "a.h5", "--json", tmp_path / "a.json"], capsys)
+    assert code == 0
+    (found,) = json.loads((tmp_path / "a.json").read_text(encoding="utf-8"))["bench"]
+    assert (found["finding"], found["channel"], found["runs"]) == ("gaps", "time", ["001", "002", "003"])
+    assert found["sentence"].startswith("Uneven sampling: ")
+    assert "lost" not in said
+
+
+@pytest.mark.parametrize("radius", [0.01, 0.005])
+def test_the_force_of_an_ampere_is_told_in_newtons_on_a_linear_axis(tmp_path, capsys, radius):
+    """38 N/A and 3 A are 114 N whatever the arc; told back by its radius, the torque is that force."""
+    path = written(tmp_path / "log.csv", "time (s),pos (mm),i_q (A)", TIME, 20 * TURN, 3 * TORQUE)
+    assert "what an ampere gives at the axis, N/A with the gear included." in refused(capsys, path)
+    session = imported(capsys, path, "--torque-constant", 38, "--radius", radius)
+    (run,) = session.runs
+    np.testing.assert_allclose(run.channel("motor_torque") / radius, 114 * TORQUE, atol=1e-6)
+    np.testing.assert_allclose(run.channel("motor_position") * radius, 0.02 * TURN, atol=1e-9)
+    assert session.rig.motor.torque_constant / radius == pytest.approx(38)
+    told = run_main(
+        ["import", path, "--axis", "--torque-constant", 38, "--radius", radius, "--dry-run"], capsys
+    )
+    assert f"an ampere gives 38 N at the axis, {38 * radius:g} N m on the arc of" in told[2]
+
+
+def test_a_rig_file_that_does_not_say_what_an_ampere_gives_is_no_thesis_bench(tmp_path, capsys):
+    path = written(tmp_path / "log.csv", "time (s),q (rad),i_q (A)", TIME, TURN, TORQUE)
+    slides = written(tmp_path / "slide.csv", "time (s),x (mm),i_q (A)", TIME, 20 * TURN, TORQUE)
+    rig = tmp_path / "rig.toml"
+    rig.write_text("[motor]\ninertia = 0.001\n", encoding="utf-8")
+    assert "say with --torque-constant what an ampere gives" in refused(capsys, path, "--rig", rig)
+    session = imported(capsys, path, "--rig", rig, "--torque-constant", 0.25)
+    np.testing.assert_allclose(session.runs[0].channel("motor_torque"), 0.25 * TORQUE, atol=1e-9)
+    path.with_suffix(".h5").unlink()
+    rig.write_text("[motor]\ntorque_constant = 0.05\n", encoding="utf-8")
+    assert "rig.toml holds no gear_ratio; give" in refused(capsys, path, "--rig", rig)
+    rig.write_text("[motor]\ntorque_constant = 0.05\ngear_ratio = 2\n", encoding="utf-8")
+    session = imported(capsys, path, "--rig", rig)
+    np.testing.assert_allclose(session.runs[0].channel("motor_torque"), 0.1 * TORQUE, atol=1e-9)
+    said = refused(capsys, slides, "--rig", rig)
+    assert "tells the position in a length, and" in said
+    assert "what it gives in N/A, or --radius should give the lever between the two in m." in said
+    (run,) = imported(capsys, slides, "--rig", rig, "--radius", 0.004).runs  # N m at a screw's lever
+    np.testing.assert_allclose(run.channel("motor_torque") / 0.004, 25 * TORQUE, atol=1e-6)
+
+
+def test_what_nobody_said_of_a_machine_is_not_shown(tmp_path, capsys):
+    path = written(tmp_path / "log.csv", "t (s),q (deg),tau (Nm)", TIME, np.degrees(TURN), TORQUE)
+    imported(capsys, path)
+    said = run_main(["info", path.with_suffix(".h5")], capsys)[1]
+    assert "0.0302" not in said
+    assert "gear ratio" not in said
+    assert "no constant of the machine was told" in said
+    path.with_suffix(".h5").unlink()
+    rig = tmp_path / "rig.toml"
+    rig.write_text("[motor]\ninertia = 0.0017\n", encoding="utf-8")
+    imported(capsys, path, "--rig", rig)
+    said = run_main(["info", path.with_suffix(".h5")], capsys)[1]
+    assert "0.0017" in said
+    assert "4.3" not in said
+    assert "0.0302" not in said
+
+
+def test_inches_pounds_and_kilograms_of_force_are_units(tmp_path, capsys):
+    """An inch is 25.4 mm, a pound 4.448222 N, a kilogram of force at a centimetre 98.0665 mN m."""
+    path = written(tmp_path / "log.csv", "t [s],x [inch],F [lbf]", TIME, TURN, TORQUE)
+    (run,) = imported(capsys, path).runs
+    np.testing.assert_allclose(run.channel("motor_position"), 2.54 * TURN, atol=1e-9)
+    np.testing.assert_allclose(run.channel("motor_torque"), 0.04448222 * TORQUE, atol=1e-6)
+    for header in ("t_us;theta_deg;torque_kgcm", "t_us;theta_deg;torque_kgf_cm", "t (us);q (deg);M (kgf cm)"):
+        columns = 1e6 * TIME, np.degrees(TURN), TORQUE
+        path = written(tmp_path / f"{len(header)}.csv", header, *columns, delimiter=";")
+        (run,) = imported(capsys, path).runs
+        np.testing.assert_allclose(run.channel("motor_torque"), 0.0980665 * TORQUE, atol=1e-7)
+
+
+def test_a_name_whose_unit_is_of_another_kind_is_no_guess(tmp_path, capsys):
+    """An angle is no load, a voltage no command, and a commanded torque no position."""
+    header = "t [s],q [rad],q_load [rad],tau_cmd [Nm],tau_meas [Nm]"
+    path = written(tmp_path / "log.csv", header, TIME, TURN, 0.5 * TURN, 0.9 * TORQUE, TORQUE)
+    code, _, err = run_main(["import", path, "--axis", "--dry-run"], capsys)
+    assert code == 0
+    assert "q_load <- column 3 [rad] (header 'q_load [rad]'; no load, for that is not told in rad)" in err
+    assert "tau_cmd <- column 4 [Nm] (header 'tau_cmd [Nm]'; no command, for that is not told in Nm)" in err
+    (run,) = imported(capsys, path).runs
+    np.testing.assert_allclose(run.channel("motor_torque"), TORQUE, atol=1e-9)
+    assert not run.has("load_torque")
+    two = header.replace("q [", "q_motor [")
+    asked = written(tmp_path / "two.csv", two, TIME, TURN, TURN, TORQUE, TORQUE)
+    assert "columns 2 'q_motor [rad]' and 3 'q_load [rad]' may each be the position" in refused(capsys, asked)
+    volts = written(tmp_path / "volts.csv", "t [s],q [deg],U_cmd [V]", TIME, TURN, TORQUE)
+    said = refused(capsys, volts)
+    assert "gives no torque and no current" in said
+    assert said.endswith("takes a factor behind a known one, such as Nm:0.00153.")
+
+
+@pytest.mark.parametrize(
+    ("header", "options", "sentence"),
+    [
+        ("t (s),q (counts),tau (Nm)", (), "column 2 is taken as 'motor_position' in 'counts'; it should"),
+        ("t (s),q (counts),tau (Nm)", (), "as position=2:rad:0.00153 where one 'counts' is 0.00153 rad."),
+        ("t (s),q (rad),Torque (%)", (), "other takes a factor to one of them, such as torque=3:Nm:0.0015"),
+        ("t_ms,q_deg,torque_ozin", (), "'motor_torque' (column 3, 'ozin' is no unit that is known); say"),
+        ("t,q,tau", ("--map", "zeit=1:s,position=2:rad,torque=3:Nm"), "gives no time; 'zeit' in the mapping "
+         "is none of time, position, torque, current, load, command; map its column"),
+        ("t,q,tau", ("--map", "time=1:s,posn=2:rad,torqe=3:Nm"), "gives no position, which the log of an "
+         "axis needs; 'posn' and 'torqe' in the mapping are none of time, position"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_with_a_unit_or_a_name_is_named(tmp_path, capsys, header, options, sentence):
+    path = written(tmp_path / "log.csv", header, TIME, TURN, TORQUE)
+    assert sentence in refused(capsys, path, *options)
+
+
+def test_a_unit_of_ones_own_takes_a_factor(tmp_path, capsys):
+    path = written(tmp_path / "log.csv", "t,counts,tau", TIME, TURN / 0.00153, TORQUE)
+    mapping = "time=1:s,position=counts:rad:0.00153,torque=3:Nm"
+    (run,) = imported(capsys, path, "--map", mapping).runs
+    np.testing.assert_allclose(run.channel("motor_position"), TURN, atol=1e-9)
+
+
+def test_commas_between_columns_and_in_numbers_are_named(tmp_path, capsys):
+    rows = [f"{t:.3f},{q:.6f},{f:.6f}" for t, q, f in zip(TIME, TURN, TORQUE, strict=True)]
+    path = tmp_path / "log.csv"
+    text = "\n".join(["t [s],q [rad],tau [Nm]", *(row.replace(".", ",") for row in rows)])
+    path.write_text(text, encoding="utf-8")
+    said = refused(capsys, path)
+    assert "3 names above rows of 6 numbers, for commas stand between the columns and in the numbers" in said
+    assert "part the columns by semicolons or tabs." in said
+
+
+def test_a_time_that_jitters_is_told_as_uneven_sampling_and_lost_samples_as_lost(tmp_path, capsys):
+    rng = np.random.default_rng(2)
+    shaken = TIME + rng.uniform(-0.4, 0.4, len(TIME)) / RATE
+    path = written(tmp_path / "log.csv", "t (s),q (rad),tau (Nm)", shaken, TURN, TORQUE)
+    imported(capsys, path)
+    said = " ".join(run_main(["info", path.with_suffix(".h5")], capsys)[1].split())
+    assert "warning: run 001: uneven sampling, " in said
+    assert "lost." not in said
+    path = damaged(tmp_path / "other", {100: "0.196,12.0,", 300: "0.596,12.0,"})
+    imported(capsys, path)
+    assert "2 gaps in time, 2 samples lost." in run_main(["info", path.with_suffix(".h5")], capsys)[1]
+
+
 @pytest.mark.parametrize(
     ("header", "options", "sentence"),
     [
@@ -259,6 +496,7 @@ def as_version_5(path: Path, content: dict) -> Path:
 
 def damaged(tmp_path: Path, damage: dict[int, str], end: str = "\n") -> Path:
     """A log of 4,000 rows in which some lines of the file, from 1, are others."""
+    tmp_path.mkdir(exist_ok=True)
     path = written(tmp_path / "log.csv", "t (s),angle (deg),torque (Nm)", TIME, np.degrees(TURN), TORQUE)
     lines = path.read_text(encoding="utf-8").splitlines()
     for number, text in damage.items():

@@ -174,8 +174,12 @@ class ValidationPanel(QWidget):
         layout.addWidget(self.runs, 1)
         layout.addStretch()
 
-    def show_history(self, history: ModelHistory | None, pressed: bool = False) -> None:
-        """Say how the present model does on runs that the fit has not seen; ``pressed``: some in contact."""
+    def show_history(self, history: ModelHistory | None, pressed: bool = False, radius: float = 0.0) -> None:
+        """Say how the present model does on runs that the fit has not seen; ``pressed``: some in contact.
+
+        Args:
+            radius: of the arc as which a linear axis is told, m; 0: it turns.
+        """
         if history is None:
             for label in (self.title, self.held_out, self.next):
                 label.setText("")
@@ -217,7 +221,7 @@ class ValidationPanel(QWidget):
                     (
                         as_good_sentence(diagnosis),
                         paired_sentence(diagnosis),
-                        next_experiment_words(diagnosis),
+                        next_experiment_words(diagnosis, radius),
                     ),
                 )
             )

@@ -88,7 +88,10 @@ LEVER_HELP = (
     "Radius at which a force turns the axis, mm; needed where the position is an angle and torque or load "
     "are a force, or the other way round. A linear axis is told as an arc of this radius."
 )
-CONSTANT_HELP = "What an ampere gives at the axis, N m/A, gear included; needed where no torque was logged."
+CONSTANT_HELP = (
+    "What an ampere gives at the axis, gear included; needed where no torque was logged: N m/A, or N/A where "
+    "the position is a length."
+)
 RATE_HELP = "Needed only where no column holds the time."
 LEGEND_ROOM = 6
 """Between the curves and their names above them, px."""
@@ -362,7 +365,7 @@ class ImportDialog(QDialog):
         room = QScrollArea(widgetResizable=True)
         room.setWidget(inner)
         room.setMaximumHeight(min(inner.sizeHint().height() + 8, 120))
-        samples, ampere = QLabel("&Samples a second"), QLabel("Torque of an &ampere (N m)")
+        samples, ampere = QLabel("&Samples a second"), QLabel("Torque of an &ampere (N m, or N)")
         lever = QLabel("&Lever (mm)")
         for label, number in ((samples, self.rate), (ampere, self.constant), (lever, self.lever)):
             label.setBuddy(number)
@@ -437,8 +440,8 @@ class ImportDialog(QDialog):
 
     def look(self) -> None:
         """Plan with the fields as they are; say what would be written, or why that cannot be."""
-        from fingerlab.rig.file import load_rig
-        from fingerlab.sessions.importing import TextRun, describe, of_one_axis
+        from fingerlab.rig.file import load_axis_rig
+        from fingerlab.sessions.importing import TextRun, describe, of_one_axis, refuse_unknown_constant
 
         sources: list[TextRun] = [
             TextRun(path, str(phase.currentData()), str(cable.currentData()))
@@ -450,11 +453,14 @@ class ImportDialog(QDialog):
                 if self.rig_file is None:
                     known, constant = None, self.constant.value() or None
                 else:
-                    known, constant = load_rig(self.rig_file), None
+                    known, constant = load_axis_rig(self.rig_file), None
                 sources, self.axis_rig = of_one_axis(sources, known, constant, self._lever_m)
             self.plans = self._planned(sources)
-            if self.axis_rig is not None and not self.constant.value() and self.rig_file is None:
-                self._refuse_unknown_constant()
+            if self.axis_rig is not None:
+                named = self.rig_file.name if self.rig_file is not None else ""
+                where = f"{'without a rig file, ' if named else ''}in 'Torque of an ampere'"
+                for plan in self.plans:
+                    refuse_unknown_constant(plan, self.axis_rig, named, where)
             told = [
                 _plainly(line) for plan in self.plans for line in describe(plan) if "<- column" not in line
             ]
@@ -482,14 +488,6 @@ class ImportDialog(QDialog):
                 return plan_import(sources, self.columns.mapping(), rate)
             except UserError:
                 raise by_header from None  # it knows the unit that stands there
-
-    def _refuse_unknown_constant(self) -> None:
-        for plan in self.plans:
-            if "motor_torque" in plan.derived:
-                raise UserError(
-                    f"{plan.table.path.name} gives a current and no torque; say in 'Torque of an ampere' "
-                    "what an ampere gives at the axis, with the gear included."
-                )
 
     def _preview(self) -> None:
         """The chosen column, and beside it what is of the same unit."""
@@ -566,6 +564,7 @@ def in_the_window(sentence: str, files: Sequence[Path] = ()) -> str:
         sentence = sentence.replace(f"; {phase}, cable", f"; {PHASE_WORDS.get(phase, phase)}, cable")
     sentence = re.sub(r"say them, such as --map (\"[^\"]*\"|\S*\w)", "choose them in the table", sentence)
     sentence = re.sub(r"say which is which, such as --map .*", "choose them in the table.", sentence)
+    sentence = re.sub(r"(takes a factor to one of them), such as .*", r"\1 under 'Times'.", sentence)
     for option, name in OPTION_NAMES.items():
         sentence = sentence.replace(option, name)
     return sentence

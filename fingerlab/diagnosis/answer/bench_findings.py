@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -543,19 +543,38 @@ away; assumed: noise is a twelfth of a spike at most."""
 
 def _lost(reduction: Reduction) -> list[BenchFinding]:
     """Samples that were lost, a few at a time or many, or came early or late."""
-    result = []
-    for how, kind, said in (
-        (UNEVEN, "uneven_times", "taken early or late; all are taken at their times"),
-        (BRIDGED, "lost_samples", "lost, a few at a time; the gaps are bridged"),
-        (CUT_OUT, "lost_samples", "lost, many at a time; what lies between the gaps is analysed"),
+    result = _uneven(reduction)
+    # Of a run that was sampled unevenly, what its times lack is told with that.
+    uneven = set(_put_right(reduction, UNEVEN)[0])
+    for how, said in (
+        (BRIDGED, "lost, a few at a time; the gaps are bridged"),
+        (CUT_OUT, "lost, many at a time; what lies between the gaps is analysed"),
     ):
-        runs, names, count = _put_right(reduction, how)
+        runs, names, count = _put_right(reduction, how, uneven if how == BRIDGED else ())
         if count:
             were = "was" if count == 1 else "were"
             sentence = f"{_count(count, 'sample')} of {_count(len(runs), 'run')} {were} {said}"
-            advice = "close other programs while you record, or lower the rate"
-            result.append(BenchFinding(kind, "time", float(count), "samples", names, sentence, advice))
+            finding = BenchFinding("lost_samples", "time", float(count), "samples", names, sentence, STEADIER)
+            result.append(finding)
     return result
+
+
+STEADIER = "close other programs while you record, or lower the rate"
+"""What is advised where samples are lost or late."""
+
+
+def _uneven(reduction: Reduction) -> list[BenchFinding]:
+    """Runs whose samples came early or late, with those that are missing among them."""
+    runs, names, count = _put_right(reduction, UNEVEN)
+    if not count:
+        return []
+    missing = sum(reduction.repairs[n].get(BRIDGED, 0) for n in runs)
+    lost = f", and {missing:,} {'is' if missing == 1 else 'are'} missing" if missing else ""
+    said = (
+        f"Uneven sampling: {_count(count, 'sample')} of {_count(len(runs), 'run')} "
+        f"{'was' if count == 1 else 'were'} taken early or late{lost}; all are taken at their times"
+    )
+    return [BenchFinding("uneven_times", "time", float(count), "samples", names, said, STEADIER)]
 
 
 def _repeated(reduction: Reduction) -> list[BenchFinding]:
@@ -578,9 +597,11 @@ def _channels_with(reduction: Reduction, how: str) -> list[str]:
     return sorted({name for found in reduction.repairs.values() for way, name in found if way == how})
 
 
-def _put_right(reduction: Reduction, what: Repair) -> tuple[list[int], tuple[str, ...], int]:
-    """Numbers and names of the runs in which this was put right, and how many samples."""
-    runs = [n for n in sorted(reduction.repairs) if reduction.repairs[n].get(what)]
+def _put_right(
+    reduction: Reduction, what: Repair, but: Collection[int] = ()
+) -> tuple[list[int], tuple[str, ...], int]:
+    """Numbers and names of the runs, ``but`` some, in which this was put right, and how many samples."""
+    runs = [n for n in sorted(reduction.repairs) if reduction.repairs[n].get(what) and n not in but]
     names = tuple(reduction.runs[n][1] for n in runs)
     return runs, names, sum(reduction.repairs[n][what] for n in runs)
 

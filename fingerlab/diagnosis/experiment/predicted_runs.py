@@ -14,12 +14,15 @@ from typing import Any
 import numpy as np
 
 from fingerlab.acquisition.control.trajectories import WAVES, read_trajectory
+from fingerlab.diagnosis.experiment.seen_limits import SeenLimits, seen_limits
 from fingerlab.diagnosis.gram.sums import Reduced
 from fingerlab.diagnosis.settings import (
     BALANCE_STEPS,
     BALANCED_RAD,
     BENCH_LOADS_NM,
     DURATION_S,
+    LEAST_PROPOSED_CYCLES,
+    LEAST_PROPOSED_SHARE,
     LEAST_PULL_N,
     MOST_CHANGES,
     MOST_PULL_N,
@@ -102,7 +105,7 @@ def menu(sessions: Sequence[Session], reduced: Reduced, values: Mapping[str, flo
     """
     rig = sessions[0].rig
     if reduced.on_bench:
-        yield from bench_menu(rig, BENCH_LOADS_NM)
+        yield from bench_menu(rig, BENCH_LOADS_NM, seen_limits(sessions))
         return
     signs = sorted({g.cable_sign for g in reduced.groups if g.cable_sign})
     for sign in signs:
@@ -205,12 +208,35 @@ def _rounded(change: Intervention, scales: Scales) -> Intervention:
     return scaled_change(Intervention(**rounded), scales, -1)
 
 
-def bench_menu(rig: Rig, loads: Sequence[float]) -> Iterator[Proposal]:
+def bench_menu(rig: Rig, loads: Sequence[float], seen: SeenLimits | None = None) -> Iterator[Proposal]:
+    """Runs of the motor alone against known ``loads``, N m; within what was ``seen``, if that is told."""
     for load in loads:
         for kind, frequency, amplitude in BENCH:
-            trajectory = _wave(kind, frequency, amplitude, offset_deg=amplitude + 5.0)
-            loaded = {**trajectory, "load_torque": load} if load else trajectory
-            yield Proposal("motor_bench", "none", loaded, bench_motion(rig, trajectory, load))
+            for tried in [(frequency, amplitude)] if seen is None else _gentler(frequency, amplitude):
+                trajectory = _wave(kind, tried[0], tried[1], offset_deg=round(tried[1] + 5.0, 2))
+                motion = bench_motion(rig, trajectory, load)
+                if seen is not None and not seen.allows(motion, load):
+                    continue
+                loaded = {**trajectory, "load_torque": load} if load else trajectory
+                yield Proposal("motor_bench", "none", loaded, motion)
+                break
+
+
+def _gentler(frequency: float, amplitude: float) -> Iterator[tuple[float, float]]:
+    """A motion as it is on the menu, then slower and slower (Hz), then smaller and smaller (degrees).
+
+    Slower first: a travel shows more than a quick little motion, and takes less torque.
+    """
+    yield frequency, amplitude
+    least = LEAST_PROPOSED_CYCLES / DURATION_S
+    slower = [round(frequency * s, 3) for s in _SHARES if frequency * s >= least]
+    yield from ((one, amplitude) for one in slower)
+    for share in (s for s in _SHARES if s >= LEAST_PROPOSED_SHARE):
+        yield from ((one, round(amplitude * share, 2)) for one in (frequency, *slower))
+
+
+_SHARES = tuple(float(f"{2.0 ** (-k / 2):.2g}") for k in range(1, 13))
+"""Half octaves downwards, to two digits."""
 
 
 def commanded(trajectory: Mapping[str, object]) -> tuple[Array, Array]:
