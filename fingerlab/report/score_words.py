@@ -22,7 +22,7 @@ from fingerlab.core.text import (
 from fingerlab.diagnosis.answer.error_parts import EQUATIONS, EquationError, ExcludedByMotion, ScorePart
 from fingerlab.diagnosis.answer.results import Candidate, Diagnosis
 from fingerlab.diagnosis.score.calibration import Verdict
-from fingerlab.diagnosis.settings import LACK_OF_FIT, RIGID_BODY_SHARE
+from fingerlab.diagnosis.settings import LACK_OF_FIT
 from fingerlab.report.diagnosis_words import (
     FAMILY_TITLES,
     PHASE_WORDS,
@@ -247,7 +247,7 @@ def loose_sentence(diagnosis: Diagnosis) -> str:
 
 
 def allowed_sentence(diagnosis: Diagnosis) -> str:
-    """Why rows may stand many floors above a whole that is near its floor; empty where none does.
+    """Why rows may stand many floors above a whole that is near its floor in contact; empty where none does.
 
     A share of the cable's pull is asked of no model, nor a third of what the tip's friction seems to be.
     """
@@ -256,13 +256,10 @@ def allowed_sentence(diagnosis: Diagnosis) -> str:
     if not apart:
         return ""
     allowed = listed([amount(error.allowed, error.unit, 2) for error in apart.values()])
-    tip = ", and for how a tip sticks and rubs, which is known only about" * (
-        "endpoint_force" in diagnosis.errors
-    )
     return (
-        f"{_row_of(apart)} {'stands' if len(apart) == 1 else 'stand'} that far above the floor: the error "
-        f"over all allows {allowed} rms for what no equation of rigid bodies holds to "
-        f"({percent(RIGID_BODY_SHARE, counted=True)} of the cable's pull){tip}. The rows count it in full."
+        f"{_row_of(apart)} {'stands' if len(apart) == 1 else 'stand'} that far above the floor in contact: "
+        f"how a tip presses, sticks and rubs is known only about, and the error over all allows {allowed} "
+        "rms for it, which the rows count in full."
     )
 
 

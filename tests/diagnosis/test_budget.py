@@ -100,7 +100,7 @@ def test_what_no_effect_tells_is_the_unknown() -> None:
     budget = told(made.Missing(strange=4e-3), ())[0]["joint_torque"]
     parts = {part.kind: part.mean_square for part in budget.parts}
     assert parts["unknown"] > 0.75 * budget.mean_square
-    assert 0.0 < parts["floor"] < 0.1 * budget.mean_square
+    assert 0.0 < parts["floor"] < 0.12 * budget.mean_square  # with what is allowed in contact
 
 
 @pytest.mark.parametrize(
@@ -147,7 +147,7 @@ def test_advice_points_at_something() -> None:
     )
     said = [one.how for one in budget_lines(Budget("N m", 1e-6, parts))]
     assert said == [
-        "Record more runs: what weighs most is slip of the tip, soft grip.",
+        "Record more runs: what weighs most is friction of the tip that slides, soft contact.",
         "Record more runs, or measure by hand what weighs most: distal mass.",
         "",
         "Calibrate anew what weighs most: load cell's gain.",

@@ -126,8 +126,8 @@ def test_a_motor_alone_is_as_large_as_its_torque() -> None:
 
 @pytest.mark.parametrize(
     ("factor", "linear", "angle"),
-    # A sine of 0.2 rad is 0.141 rad root mean square, above 0.05; on an arc of 10 mm 1.41 mm of an axis along a
-    # line, of which 200 mm are 0.2 rad.
+    # A sine of 0.2 rad is 0.141 rad root mean square, above 0.05; on an arc of 10 mm 1.41 mm of an axis along
+    # a line, of which 200 mm are 0.2 rad.
     [(1.0, False, 1.0), (0.36, False, 1.0), (0.35, False, 0.5), (2.0, True, 2.0**-7 / 0.01),
      (1.0, True, 2.0**-8 / 0.01), (1e-3, False, 2.0**-9), (1e-3, True, 2.0**-18 / 0.01)],
 )  # fmt: skip

@@ -153,8 +153,8 @@ class Comparison:
 class EquationError:
     """Error of one equation family on held-out runs; ``rmse`` and ``floor`` in ``unit``.
 
-    ``allowed``: what the score allows on top of the floor, rms in ``unit``: a share of the cable's pull, and
-    what the tip's friction may do in contact.
+    ``allowed``: what the score allows in contact on top of the floor, rms in ``unit``: a share of the cable's
+    pull, and what the tip's friction may do.
     ``seen``: the error where the fit has seen all runs; 0: not looked at.
     """
 

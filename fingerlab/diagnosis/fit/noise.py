@@ -33,7 +33,7 @@ from fingerlab.diagnosis.settings import (
     LEAST_TENSION_SPREAD_N,
     LEAST_TORQUE_SPREAD,
     MOST_NOISE,
-    RIGID_BODY_SHARE,
+    PRESSING_SPREAD_SHARE,
     RUN_VARIATION,
     TIP_FRICTION_SPREAD,
 )
@@ -312,11 +312,8 @@ def misfit_floor(model: Model, values: Array, group: Group, weights: Array) -> A
 
 
 def allowed_covariance(model: Model, values: Array, group: Group, weights: Array) -> Array:
-    """What the ``weights`` allow on top of the noise, (5, 5): the tip's friction, and what no model is asked.
-
-    None of a motor alone, nor where nothing repeats.
-    """
-    if group.on_bench or not group.repeats:
+    """What the ``weights`` allow on top of the noise, (5, 5), for how a tip presses; none without contact."""
+    if not (group.in_contact and group.repeats):
         return np.zeros_like(weights)
     return _covariance_of(weights) - misfit_floor(model, values, group, weights)
 
@@ -361,19 +358,18 @@ def noise_weights(model: Model, values: Array, group: Group) -> Array:
     covariance = noise_covariance(model, values, group)
     if group.on_bench and group.repeats:
         covariance[Row.BENCH, Row.BENCH] = torque_repeatability(model, values, group)
-    if group.repeats and not group.on_bench:
-        covariance = covariance + _rigid_body_spread(model, group)
     if group.in_contact:
+        covariance = covariance + (_pressing_spread(model, group) if group.repeats else 0.0)
         covariance = covariance + TIP_FRICTION_SPREAD**2 * _rubbing(model, values, group)
     return _inverse(covariance, group.on_bench)
 
 
-def _rigid_body_spread(model: Model, group: Group) -> Array:
-    """Covariance (5, 5) of what the torques' equations of rigid bodies leave at a sample of any finger."""
+def _pressing_spread(model: Model, group: Group) -> Array:
+    """Covariance (5, 5) of what the torques' equations leave at a sample of any finger that presses."""
     pull = _signal(model.layout, Row.MCP, NO_SHIFT)
     spread = np.zeros((len(Row), len(Row)))
     variance = float(group.whole.products[pull, pull]) / max(group.whole.samples, 1)
-    spread[[Row.MCP, Row.PIP], [Row.MCP, Row.PIP]] = RIGID_BODY_SHARE**2 * variance
+    spread[[Row.MCP, Row.PIP], [Row.MCP, Row.PIP]] = PRESSING_SPREAD_SHARE**2 * variance
     return spread
 
 
