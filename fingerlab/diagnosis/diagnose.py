@@ -205,11 +205,11 @@ def _searched(
     if may_correct and (other := corrected(begun.models, ended=False)):
         return other
     found = search_effects(question, begun)
+    if lacks_fit(found.path[-1], NEARLY_RIGHT):
+        found = searched_again(question, scorer, found)
     by, last = found.refined or found.scorer, found.path[-1]
     if other := searched_without_run(reduction, by, last, again, _outcome):
         return other
-    if lacks_fit(found.path[-1], NEARLY_RIGHT):
-        found = searched_again(question, scorer, found)
     if (other := searched_with_lag(reduction, found, again)) is not None:
         return other
     near = [*found.models, *found.evidence.candidates]

@@ -101,9 +101,12 @@ def test_a_change_that_is_told_is_no_missing_effect(name: str) -> None:
     assert pair.words in paired_sentence(said)
 
 
-def test_the_same_mass_untold_is_found_to_be_something(plain: Session) -> None:
+def test_the_same_mass_untold_is_a_run_of_another_set_up(plain: Session) -> None:
+    """Two floors and an effect that is not there, had it been looked for in all runs."""
     said = diagnose([plain, changed(made.Bench(), "mass", told=False)], with_curves=False)
-    assert said.score > 1.3
+    assert said.verdict == "nothing_missing"
+    assert [(one.kind, one.runs) for one in said.bench] == [("odd_run", ("001",))]
+    assert said.disagreeing == {("changed.h5", "001")}
     assert not said.paired
 
 

@@ -44,6 +44,9 @@ def searched_without_run(
         return None
     before, aside = reduction.known_of_bench, reduction.disagreeing
     reduction.leave_aside(aside | {reduction.runs[number]})
+    # What was found wrong with the readings was found with that run among the others.
+    reduction.correct_readings({})
+    reduction.correct_runs({})
     other = again()
     end, _ = outcome(other)
     if not lacks_fit(end, NEARLY_RIGHT) and len(end.effect_ids) <= max(len(last.effect_ids), 1):
