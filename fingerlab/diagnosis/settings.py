@@ -299,10 +299,6 @@ TIP_FRICTION_SPREAD = 0.3
 deviation; assumed. It is as good as noise to all else: only the tip's own law could tell it."""
 LEAST_TENSION_SPREAD_N = 1e-3
 """No equation of a joint is trusted beyond this spread, N: about a tenth of the sensors' resolution."""
-PRESSING_SPREAD_SHARE = 0.001
-"""... nor in contact beyond this share of the cable's pull, root mean square; assumed: where a tip presses it
-gives and rolls, and a load cell does. With less, benches that repeat to a few thousandths made of 0.07 % of
-friction a missing effect; on air so much would hide a tilt of 7 degrees."""
 LEAST_LENGTH_SPREAD_M = 5e-7
 """The same of the cable's length, m."""
 LEAST_TORQUE_SPREAD = 1e-6

@@ -33,7 +33,6 @@ from fingerlab.diagnosis.settings import (
     LEAST_TENSION_SPREAD_N,
     LEAST_TORQUE_SPREAD,
     MOST_NOISE,
-    PRESSING_SPREAD_SHARE,
     RUN_VARIATION,
     TIP_FRICTION_SPREAD,
 )
@@ -359,18 +358,8 @@ def noise_weights(model: Model, values: Array, group: Group) -> Array:
     if group.on_bench and group.repeats:
         covariance[Row.BENCH, Row.BENCH] = torque_repeatability(model, values, group)
     if group.in_contact:
-        covariance = covariance + (_pressing_spread(model, group) if group.repeats else 0.0)
         covariance = covariance + TIP_FRICTION_SPREAD**2 * _rubbing(model, values, group)
     return _inverse(covariance, group.on_bench)
-
-
-def _pressing_spread(model: Model, group: Group) -> Array:
-    """Covariance (5, 5) of what the torques' equations leave at a sample of any finger that presses."""
-    pull = _signal(model.layout, Row.MCP, NO_SHIFT)
-    spread = np.zeros((len(Row), len(Row)))
-    variance = float(group.whole.products[pull, pull]) / max(group.whole.samples, 1)
-    spread[[Row.MCP, Row.PIP], [Row.MCP, Row.PIP]] = PRESSING_SPREAD_SHARE**2 * variance
-    return spread
 
 
 def torque_repeatability(model: Model, values: Array, group: Group) -> float:

@@ -222,7 +222,7 @@ def _pace(run: Run, axis: Axis) -> float:
     by_torque = turned or axis == "line"
     if axis == "finger" or not by_torque:
         pace *= max(1.0, travel / USUAL_TRAVEL)
-    return max(pace, _torque_pace(run)) if by_torque else pace
+    return max(pace, _torque_pace(run, axis)) if by_torque else pace
 
 
 def fastest_speed(runs: Sequence[Run]) -> float:
@@ -250,17 +250,18 @@ def _motion_of(run: Run) -> tuple[float, float, bool]:
     return pace, float(moved.std()), bool(np.ptp(moved) > 2.0 * math.pi)
 
 
-def _torque_pace(run: Run) -> float:
+def _torque_pace(run: Run, axis: Axis) -> float:
     """The pace at which the torque of a motor that turns on is seen, rad/s per rad.
 
-    Teeth and poles pass more often than it turns: half of the torque's variance lies well within the band, of
-    the lines that are no noise, nor spikes.
+    Teeth and poles pass more often than it turns: half of the torque's variance lies well within the band. Of
+    an axis along a line, which may rest for long, of the lines that are no noise, nor spikes.
     """
     torque = _moving(run, "motor_torque")
     if not len(torque):
         return 0.0
     power = np.abs(np.fft.rfft((torque - torque.mean()) * np.hanning(len(torque)))) ** 2
-    told = np.cumsum(np.where(power > OVER_NOISE * power[len(power) // 2 :].mean(), power, 0.0))
+    least = OVER_NOISE * float(power[len(power) // 2 :].mean()) if axis == "line" else 0.0
+    told = np.cumsum(np.where(power >= least, power, 0.0))
     if not len(told) or not told[-1] > 0:
         return 0.0
     half = int(np.searchsorted(told, 0.5 * told[-1])) * run.sample_rate_hz / len(torque)
