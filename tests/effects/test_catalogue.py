@@ -147,7 +147,8 @@ def test_motor_effects_stand_in_the_bench_equation(name: str) -> None:
         terms = one.columns(motion, shape)
         assert {t.row for t in terms} == {Row.BENCH}
         used |= {t.gain for t in terms}
-    assert used == set(one.gains)
+    # Of a motor alone a law may have more, where the recordings suggest it.
+    assert {name for name, gain in one.gains.items() if gain.cable != "none"} <= used <= set(one.gains)
 
 
 @pytest.mark.parametrize("name", OF_FINGER)
