@@ -116,9 +116,7 @@ def diagnose(
     effects = added or result.final_model
     saved = None if model_file is None else (_model(opened, effects, fixed), model_file)
     if json_target != "-":
-        from fingerlab.report.line_words import line_radius
-
-        _print(result, line_radius(opened[0]), budget)
+        _print(result, opened[0].rig.line_radius, budget)
         if laws is not None:
             _print_laws(laws, result)
     drawn = None

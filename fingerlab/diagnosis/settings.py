@@ -31,15 +31,22 @@ DISAGREEING_SHARE = 0.6
 GROSSLY_OFF = 15.0
 """Squared score above one from which on a run may be another bench's; assumed: four floors, where a law that
 is nearly right leaves one to three, in the run that asks most of it."""
+ODD_SAMPLES = 16384
+"""So many samples of a run tell whether it is odd."""
 ODD_CLIPPED = 0.01
 """Share of its samples at which a channel is cut off, and of those elsewhere that repeat; assumed."""
-ODD_STILL, ODD_NOISE = 0.05, 0.5
+ODD_STILL, ODD_NOISE = 0.05, (0.5, 0.9)
 """Share of the others' spread, and of their noise, below which a channel stands still: it is not connected.
-The correlation of neighbouring samples below which it is noise alone; assumed."""
-ODD_FORCE, ODD_FOLLOWING, ODD_GEOMETRY = 0.05, 0.3, 0.01
-"""Share of the force in the other runs below which none is read, of a command by which a motor does not
-follow it, and of its travel by which a run is off the others' geometry; assumed: ten times what sensors
-leave."""
+Correlation of neighbouring samples below which it is noise alone, and above which the others are none;
+assumed."""
+ODD_MOVES = 0.3
+"""Share of what the motor does in the others from which on it moves, or pulls, as in them; assumed."""
+ODD_FORCE, ODD_FOLLOWING, ODD_GEOMETRY = 0.1, 0.3, 0.01
+"""Share of the force in contact below which none is read, and beyond which the tip is pressed; of a command
+by which a motor does not follow it; of its travel by which a run is off the others' geometry; assumed."""
+ODD_TIMES, WELL_APART = 10.0, 5.0
+"""... and so many times what the others show; so many times as far off their geometry as any of them, and as
+with the channel that is turned round; assumed."""
 LEAST_RATE_HZ = 60.0
 """Samples in a reduced second at least: seven in a cycle of the narrow cutoff, below which the band itself is
 lost; assumed."""

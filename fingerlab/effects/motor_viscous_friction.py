@@ -12,11 +12,9 @@ from fingerlab.sessions.model import Array
 
 TURBULENT = "turbulent"
 """Switch of a shape: drag grows with the square of the speed, too, as of a fan or through an orifice."""
-
-
 LEAST_GAIN, LEAST_LEFT = 0.5, 1e-4
-"""Share of the squared torque left without it, below which the square of the speed has a say, and share
-of the torque's variance that has to be left; assumed."""
+"""Share of the squared torque left without it, below which the square of the speed has a say, and share of
+the torque's variance that has to be left; assumed."""
 
 
 def columns(motion: Motion, shape: Shape) -> list[Term]:
@@ -28,35 +26,21 @@ def columns(motion: Motion, shape: Shape) -> list[Term]:
 
 def _seen(motions: Sequence[Motion]) -> tuple[Shape, ...]:
     """With the drag of a fluid where the square of the speed halves what simpler laws leave of the torque."""
-    if not motions:
-        return ({},)
-    columns = [np.concatenate([column[m.lead :] for m, column in _simple(motions, k)]) for k in range(6)]
-    torque = np.concatenate([m.torque[m.lead :] for m in motions])
-    scale = np.maximum(np.abs(np.stack(columns)).max(axis=1), 1e-300)
-    every = np.stack(columns, axis=1) / scale
+    inner = [(m, slice(m.lead, None)) for m in motions]
+    torque, position, speed, acceleration = (
+        np.concatenate([getattr(m, name)[here] for m, here in inner])
+        for name in ("torque", "position", "velocity", "acceleration")
+    )
+    slow = STANDSTILL * max(float(np.abs(speed).max()), 1e-12)
+    laws = (np.ones_like(speed), acceleration, position, speed, np.tanh(speed / slow), speed * np.abs(speed))
+    columns = np.stack([law / max(float(np.abs(law).max()), 1e-300) for law in laws], axis=1)
 
-    def left(of: int) -> float:
-        found = np.linalg.lstsq(every[:, :of], torque, rcond=None)[0]
-        return float(np.mean((torque - every[:, :of] @ found) ** 2))
+    def left(columns: Array) -> float:
+        return float(np.mean((torque - columns @ np.linalg.lstsq(columns, torque, rcond=None)[0]) ** 2))
 
-    without, beside = left(5), left(6)
+    without, beside = left(columns[:, :-1]), left(columns)
     told = without > LEAST_LEFT * float(torque.var()) and beside < LEAST_GAIN * without
     return ({}, {TURBULENT: 1.0}) if told else ({},)
-
-
-def _simple(motions: Sequence[Motion], k: int) -> list[tuple[Motion, Array]]:
-    """A column of simple laws of each motion, the square of the speed last, (n,)."""
-    fastest = max(float(np.abs(m.velocity).max()) for m in motions) or 1.0
-    return [
-        (
-            m,
-            (
-                np.ones_like(m.velocity), m.acceleration, m.position, m.velocity,
-                np.tanh(m.velocity / (STANDSTILL * fastest)), m.velocity * np.abs(m.velocity),
-            )[k],
-        )
-        for m in motions
-    ]  # fmt: skip
 
 
 def _of_an_axis(shape: Shape) -> str:

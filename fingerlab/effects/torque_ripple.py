@@ -11,11 +11,16 @@ from fingerlab.effects.transmission import RIPPLE_ORDERS, drive_terms, pull_term
 from fingerlab.physics.motion import LEAST_PERIODS, Motion, strongest_lines
 from fingerlab.physics.parameter import Limits, Parameter
 
-RIPPLE = Parameter("N m", -0.05, 0.05, 0.003, title="amplitude")
+MOST_RIPPLE = 0.2
+"""Amplitude, N m; assumed: five times the spread of the torque of a motor alone as it is read, for cogging
+may be most of what moves one."""
+RIPPLE = Parameter("N m", -MOST_RIPPLE, MOST_RIPPLE, 0.003, title="amplitude")
 
-DOUBLE = Parameter("N m", -0.02, 0.02, 0.001, title="amplitude at the second order")
+DOUBLE = Parameter("N m", -MOST_RIPPLE, MOST_RIPPLE, 0.001, title="amplitude at the second order")
 
-TRIPLE = Parameter("N m", -0.02, 0.02, 0.001, title="amplitude at the third order", cable="none")
+TRIPLE = Parameter(
+    "N m", -MOST_RIPPLE, MOST_RIPPLE, 0.001, title="amplitude at the third order", cable="none"
+)
 """Of a motor alone: behind a finger's cable nobody would tell it from the joints' own friction."""
 
 
@@ -27,6 +32,7 @@ Teeth, poles and an amplifier's offset repeat at orders that have nothing to do 
 ANOTHER_LINE = 0.05
 """Share of the strongest line's power from which on one that is no multiple of it is another one; assumed."""
 CLOSEST_STEPS = tuple(sign * 2.0**k for k in (-3, -5, -7) for sign in (-1.0, 1.0))
+"""Steps of an order, per turn, about a peak that tells it to a hundredth of its line's width; assumed."""
 WEIGHT = "weight"
 """Switch of a shape: the torque goes with sine and cosine of the angle, as the weight of a link does."""
 WEIGHS = {"order": 1.0, WEIGHT: 1.0}

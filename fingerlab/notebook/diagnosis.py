@@ -22,7 +22,6 @@ from fingerlab.notebook.model import (
     opened_each,
 )
 from fingerlab.report import diagnosis_words as words
-from fingerlab.report.line_words import line_radius
 from fingerlab.report.page_tables import error_rows, short_ranking
 from fingerlab.report.recording_words import next_experiment_sentence, paired_sentence
 from fingerlab.report.score_words import path_sentence
@@ -172,7 +171,7 @@ class DiagnosisView(Displayed):
         if words.worth_adding(result):
             parts.append(path_sentence(result))
         parts += [f"The bench: {finding.text}" for finding in result.bench]
-        proposal = next_experiment_sentence(result, line_radius(self._sessions[0]))
+        proposal = next_experiment_sentence(result, self._sessions[0].rig.line_radius)
         if proposal is not None:
             parts.append(proposal)
         unseen = words.hidden_sentence(result)

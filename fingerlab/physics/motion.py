@@ -257,7 +257,8 @@ def _order_of(power: Array, place: int, step: float, width: float) -> float:
 
     By the parabola through the logarithms of its power and its neighbours'. Teeth and poles are whole
     numbers: one that is as near as a line can be told, by its ``width`` in orders, is the order, or a quarter
-    that is nearer still. An axis that has no turn gives no width.
+    that is nearer still; of a motor that turns by less than once, whose lines are wider than an order, the
+    nearest quarter. An axis that has no turn gives no width.
     """
     shift = 0.0
     if 0 < place < len(power) - 1 and power[place - 1 : place + 2].min() > 0.0:
@@ -265,6 +266,8 @@ def _order_of(power: Array, place: int, step: float, width: float) -> float:
         bend = before - 2.0 * here + after
         shift = float(np.clip(0.5 * (before - after) / bend, -0.5, 0.5)) if bend < 0.0 else 0.0
     order = (place + shift) * step
+    if width >= 1.0:
+        return round(4.0 * order) / 4.0
     for parts, share in zip((1.0, 4.0), WHOLE_SHARES, strict=True):
         told = round(parts * order) / parts
         if abs(order - told) < share * width:

@@ -31,7 +31,7 @@ from fingerlab.report import diagnosis_words as words
 from fingerlab.report.equation import FinalEquation, final_equation
 from fingerlab.report.figure_style import LABEL_SIZE
 from fingerlab.report.force_figures import FIGURES, force_figure
-from fingerlab.report.line_words import along_the_line, line_radius, title_along_the_line
+from fingerlab.report.line_words import along_the_line, title_along_the_line
 from fingerlab.sessions.model import Session
 from fingerlab.signals.periods import REGION_TITLES
 from fingerlab.thesis.analysis import PublishedQuantity, ThesisAnalysis, thesis_analysis
@@ -167,7 +167,7 @@ def _of_motor_bench(session: Session, progress: Progress) -> Analysis:
         return Analysis(session.path.name, note=str(error))
     return Analysis(
         session.path.name,
-        bench=_bench_rows(fit, line_radius(session)),
+        bench=_bench_rows(fit, session.rig.line_radius),
         by_run=tuple((run, r2_text(r2)) for run, r2 in fit.run_r2.items()),
     )
 

@@ -8,12 +8,10 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
 from dataclasses import replace
 
 from fingerlab.core.text import RAD_IN_DEGREE, ParameterEstimate
 from fingerlab.diagnosis.answer.results import EquationError
-from fingerlab.sessions import Session
 
 _UNITS = {
     "kg m^2": ("kg", -2), "N m": ("N", -1), "N m s/rad": ("N s/m", -2), "N m/rad": ("N/m", -2),
@@ -30,18 +28,11 @@ _WORDS = (
 """In titles of parameters: what stands for an angular quantity."""
 
 
-def line_radius(session: Session) -> float:
-    """Radius of the arc as which a linear axis is told, m; 0 where the axis turns."""
-    arc = session.rig.extra.get("axis")
-    radius = arc.get("radius_m") if isinstance(arc, Mapping) else None
-    return float(radius) if isinstance(radius, int | float) and radius > 0 else 0.0
-
-
 def arc_sentence(radius: float) -> str:
     """What angles and torques mean where the axis is a linear one; empty where it is not.
 
     Args:
-        radius: as :func:`line_radius` says, m; so in all functions here.
+        radius: ``Rig.line_radius``, m; so in all functions here.
     """
     if not radius:
         return ""
@@ -69,7 +60,7 @@ def error_along_the_line(error: EquationError, radius: float) -> EquationError:
     """An error of the torque as one of the force; as it is where the axis turns."""
     if not radius or error.unit != "N m":
         return error
-    numbers = {name: getattr(error, name) / radius for name in ("rmse", "floor", "allowed", "seen")}
+    numbers = {name: getattr(error, name) / radius for name in ("rmse", "floor", "rubbing", "seen")}
     return replace(error, unit="N", **numbers)
 
 

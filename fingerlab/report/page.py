@@ -44,7 +44,7 @@ from fingerlab.report.equation_text import (
     to_latex,
 )
 from fingerlab.report.figure_style import NamedFigure, Pictures, save_figures
-from fingerlab.report.line_words import arc_sentence, line_radius
+from fingerlab.report.line_words import arc_sentence
 from fingerlab.report.page_tables import calibration_rows, calibration_sentence, rig_hash, versions
 from fingerlab.report.pdf import pdf_of_page
 from fingerlab.report.recording_words import next_experiment_words, paired_sentence
@@ -150,7 +150,7 @@ class Page:
 def render(content: Content, progress: Progress) -> Page:
     """The page."""
     sessions, diagnosis, analysis = content.sessions, content.diagnosis, content.analysis
-    radius = line_radius(sessions[0])
+    radius = sessions[0].rig.line_radius
     pictures = Pictures(progress, _picture_count(diagnosis, analysis))
     title = " + ".join(dict.fromkeys(s.title or s.path.stem for s in sessions))
     templates = Environment(

@@ -246,20 +246,20 @@ def loose_sentence(diagnosis: Diagnosis) -> str:
     )
 
 
-def allowed_sentence(diagnosis: Diagnosis) -> str:
+def rubbing_sentence(diagnosis: Diagnosis) -> str:
     """Why rows may stand many floors above a whole that is near its floor in contact; empty where none does.
 
-    A share of the cable's pull is asked of no model, nor a third of what the tip's friction seems to be.
+    A third of what the tip's friction seems to be is noise to the score: no law tells how a tip sticks.
     """
     limit, far = FAR_ABOVE * diagnosis.score, _far_rows(diagnosis)
-    apart = {k: one for k, one in far.items() if one.rmse < limit * math.hypot(one.floor, one.allowed)}
+    apart = {k: one for k, one in far.items() if one.rmse < limit * math.hypot(one.floor, one.rubbing)}
     if not apart:
         return ""
-    allowed = listed([amount(error.allowed, error.unit, 2) for error in apart.values()])
+    allowed = listed([amount(error.rubbing, error.unit, 2) for error in apart.values()])
     return (
         f"{_row_of(apart)} {'stands' if len(apart) == 1 else 'stand'} that far above the floor in contact: "
-        f"how a tip presses, sticks and rubs is known only about, and the error over all allows {allowed} "
-        "rms for it, which the rows count in full."
+        f"how a tip sticks and rubs is known only about, and the error over all allows {allowed} rms for it, "
+        "which the rows count in full."
     )
 
 
@@ -342,7 +342,7 @@ def row_words(diagnosis: Diagnosis) -> str:
     said = (
         below_sentence(diagnosis),
         loose_sentence(diagnosis),
-        unseen_sentence(diagnosis) or allowed_sentence(diagnosis),
+        unseen_sentence(diagnosis) or rubbing_sentence(diagnosis),
         apart_sentence(diagnosis),
     )
     return " ".join(filter(None, said))

@@ -35,6 +35,8 @@ LARGEST, SMALLEST = 1e9, 1e-9
 """SI; what lies beyond is no constant of a bench, and its products no numbers."""
 UNTOLD = "not_told"
 """Key of a rig that was made for the log of a strange machine: constants whose numbers stand for nothing."""
+LINEAR_AXIS = "axis"
+"""Key of a rig that was made for the log of an axis along a line: how that is told as an arc."""
 GIVES_TORQUE = ("torque_constant", "gear_ratio")
 """Constants that say together what an ampere gives at the output."""
 DIVISORS = ("torque_constant", "gear_ratio", "pulley_radius")
@@ -110,6 +112,13 @@ class Rig:
         """Constants whose numbers stand for nothing, for nobody said them of this machine."""
         names = self.extra.get(UNTOLD)
         return {str(name) for name in names} if isinstance(names, list) else set()
+
+    @property
+    def line_radius(self) -> float:
+        """Radius of the arc as which an axis along a line is told, m; 0 of one that turns."""
+        axis = self.extra.get(LINEAR_AXIS)
+        radius = axis.get("radius_m") if isinstance(axis, Mapping) else None
+        return float(radius) if isinstance(radius, int | float) and radius > 0 else 0.0
 
     @property
     def daq(self) -> Daq:

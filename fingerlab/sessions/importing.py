@@ -16,7 +16,7 @@ import numpy as np
 from fingerlab.core.errors import UserError
 from fingerlab.core.progress import Progress
 from fingerlab.core.text import factor
-from fingerlab.rig.file import GIVES_TORQUE, UNTOLD, Motor, Rig
+from fingerlab.rig.file import GIVES_TORQUE, LINEAR_AXIS, UNTOLD, Motor, Rig
 from fingerlab.sessions.disk_files import repeated_files
 from fingerlab.sessions.hdf5 import sample_fault
 from fingerlab.sessions.left_out import RowsLeftOut, kept_rows
@@ -242,7 +242,7 @@ def _told_as_an_arc(rig: Rig, plans: Sequence[ImportPlan]) -> Rig:
     motor = rig.motor
     if axis.constant is not None:
         motor = replace(motor, torque_constant=axis.constant * axis.radius)
-    return replace(rig, motor=motor, extra={**rig.extra, "axis": {"radius_m": axis.radius}})
+    return replace(rig, motor=motor, extra={**rig.extra, LINEAR_AXIS: {"radius_m": axis.radius}})
 
 
 def left_out_words(path: Path) -> list[str]:

@@ -239,7 +239,7 @@ def damped(seconds: float, damping: float, seed: int) -> Run:
     return Run.from_arrays(channels, name="001", phase="motor_bench", cable="none", sample_rate_hz=50.0)
 
 
-@pytest.mark.parametrize(("seconds", "damping"), [(16.0, 100.0)])
+@pytest.mark.parametrize(("seconds", "damping"), [(16.0, 100.0), (16.0, 30.0)])
 def test_viscous_friction_is_found_though_coulombs_alone_tells_more(seconds: float, damping: float) -> None:
     """Beside a weight that nothing tells yet a clipped torque looks dry; the path took three effects then."""
     machine = Session(Path("damped.h5"), "", "", UNKNOWN_MOTOR, (damped(seconds, damping, 1),), {})
@@ -295,6 +295,7 @@ def test_a_torque_that_is_filtered_is_no_missing_effect(tmp_path: Path) -> None:
     """Laps of a carriage; the torque passes a filter of 10 ms, in a band where that is no mere lag."""
     result = diagnosed(robots.imported(robots.MACHINES["plain, late torque"], tmp_path))
     assert result.verdict == "nothing_missing"
+    # In a band that is narrower than the arc's angle had asked for, with as much less noise.
     assert result.score < 1.2
     (told,) = result.bench
     assert (told.kind, told.channel) == ("skew", "motor_torque")
@@ -314,7 +315,7 @@ def test_samples_that_come_early_or_late_are_no_missing_effect(tmp_path: Path) -
     """Laps of a carriage whose times scatter by a quarter of a sample; one sample in thirty is lost."""
     result = diagnosed(robots.imported(robots.MACHINES["plain, uneven times"], tmp_path))
     assert result.verdict == "nothing_missing"
-    assert result.score < 1.15  # 1.22 and a spring by the samples' numbers
+    assert result.score < 1.15  # 1.22 and a spring by the samples' numbers, in a wider band with more noise
     told = {one.kind: one for one in result.bench}
     assert told["uneven_times"].size == pytest.approx(0.7 * 45_000, rel=0.2)  # by more than a tenth
 
@@ -361,7 +362,7 @@ def test_the_plainer_law_is_named_beside_friction_that_grows_with_load() -> None
     assert found.low < 0.5 * axis.torque < found.high
     assert found.value == pytest.approx(0.5 * axis.torque, rel=0.12)
     given = diagnose([machine], result.final_model, with_curves=False)
-    assert given.errors["motor_torque"].rmse < 0.075 * axis.torque
+    assert given.errors["motor_torque"].rmse < 0.07 * axis.torque
 
 
 def test_short_runs_of_a_slow_machine_are_told_by_less_than_a_cycle() -> None:

@@ -146,7 +146,7 @@ def test_a_cable_that_hung_loose_is_said_beside_its_row(nothing) -> None:
 
 def test_what_the_score_allows_to_a_tip_that_rubs_is_said_beside_the_rows(nothing) -> None:
     """54 mN of a floor of 6 mN: a headline of 1.16 allows 39 mN rms for how the tip sticks."""
-    force = EquationError("N", 0.054, 0.97, 0.006, allowed=0.039, seen=0.054)
+    force = EquationError("N", 0.054, 0.97, 0.006, rubbing=0.039, seen=0.054)
     told = replace(nothing, score=1.16, errors={"endpoint_force": force}, row_and_score=None)
     said = row_words(told)
     assert said.startswith("The row of endpoint force stands that far above the floor in contact: how a tip ")
@@ -158,7 +158,7 @@ def test_what_the_score_allows_to_a_tip_that_rubs_is_said_beside_the_rows(nothin
 
 def test_what_only_runs_left_out_could_tell_is_said_beside_the_rows(nothing) -> None:
     """233 mN as the other runs foretell it, 31 mN where the fit has seen all, of a floor of 28 mN."""
-    force = EquationError("N", 0.233, 0.997, 0.028, allowed=0.2, seen=0.031)
+    force = EquationError("N", 0.233, 0.997, 0.028, rubbing=0.2, seen=0.031)
     told = replace(nothing, score=1.09, errors={"endpoint_force": force}, row_and_score=None)
     said = row_words(told)
     assert said.startswith(

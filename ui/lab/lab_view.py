@@ -16,7 +16,6 @@ from fingerlab.diagnosis.score.calibration import Verdict
 from fingerlab.models.file import View
 from fingerlab.report.budget_words import bin_words
 from fingerlab.report.diagnosis_words import not_shown
-from fingerlab.report.line_words import line_radius
 from fingerlab.sessions.model import Array
 
 from ..widgets.layout import FLUSH, GAP, Panes, Spacer, described, hbox, vbox
@@ -200,7 +199,7 @@ class LabView(QWidget):
         self.path.show_history(history)
         self.path.path.show_forecast(best_choice(diagnosis))
         pressed = any(run.phase == "contact" for one in self.controller.sessions for run in one.runs)
-        radius = line_radius(self.controller.sessions[0]) if self.controller.sessions else 0.0
+        radius = self.controller.sessions[0].rig.line_radius if self.controller.sessions else 0.0
         self.validation.show_history(history, pressed, radius)
         self.steps.set_results(step_results(diagnosis, history))
         if history.now.added or diagnosis.verdict == Verdict.NOTHING_MISSING:

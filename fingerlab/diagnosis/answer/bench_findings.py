@@ -9,6 +9,7 @@ import numpy as np
 
 from fingerlab.core.text import amount, fixed, listed, screen_unit
 from fingerlab.diagnosis.answer.results import BenchFinding
+from fingerlab.diagnosis.answer.runs_left_aside import named_runs, runs_left_aside
 from fingerlab.diagnosis.equations.coefficients import DELAY
 from fingerlab.diagnosis.equations.features import Layout
 from fingerlab.diagnosis.equations.model import Choice
@@ -45,7 +46,6 @@ from fingerlab.diagnosis.signals.filters import (
     Repair,
     without_spikes,
 )
-from fingerlab.diagnosis.signals.odd_runs import Why
 from fingerlab.diagnosis.signals.reading_errors import (
     CHANNELS,
     FORCE,
@@ -73,9 +73,7 @@ def bench_findings(
         last: model of the path. offsets: the constants that the runs have of their own beside it.
     """
     return (
-        *_channels(reduction),
-        *_odd(reduction),
-        *_fragmented(reduction),
+        *runs_left_aside(reduction),
         *_turned(reduction),
         *_shown(reduction),
         *_moved(reduction, offsets),
@@ -90,101 +88,12 @@ def bench_findings(
     )
 
 
-def _channels(reduction: Reduction) -> list[BenchFinding]:
-    """Runs that are left aside because a channel was lost."""
-    lost = reduction.excluded_runs
-    result = []
-    for channel in sorted({name for _, names in lost for name in names}):
-        runs = tuple(run for run, names in lost if channel in names)
-        them = "it is" if len(runs) == 1 else "they are"
-        said = f"Channel '{channel}' was lost in {_named(runs)}; {them} left aside"
-        advice = "look at its cable, and record again"
-        result.append(BenchFinding("missing_channel", channel, float(len(runs)), "runs", runs, said, advice))
-    return result
-
-
-_ODD_WORDS: dict[tuple[Why, str], tuple[str, str, str]] = {
-    ("clipped", ""): (
-        "odd_run",
-        "Channel '{channel}' is cut off at one number in {runs}",
-        "choose a larger range of its input, or ask less of the motor",
-    ),
-    ("still", "endpoint_force"): (
-        "missing_channel",
-        "The load cell shows no force in {runs} in contact, though the motor pulls as in the others",
-        "look at its plug, or call what touches nothing on air",
-    ),
-    ("still", ""): (
-        "missing_channel",
-        "Channel '{channel}' stands still in {runs}, without the noise that it has in the others",
-        "look at its plug, and record again",
-    ),
-    ("noise", ""): (
-        "missing_channel",
-        "Channel '{channel}' is noise alone in {runs}, other than in the others",
-        "look at its plug, and record again",
-    ),
-    ("force", ""): (
-        "odd_run",
-        "The load cell is pressed in {runs} on air",
-        "call it contact, or keep the tip clear of the load cell",
-    ),
-    ("held", ""): (
-        "odd_run",
-        "The motor does not follow its command in {runs}, as it does in the others",
-        "look for what held it, and record again",
-    ),
-    ("turned", "motor_position"): (
-        "turned",
-        "Both joints turn against the cable in {runs}, other than in the others",
-        "name the other cable, or turn the sign of motor_position",
-    ),
-    ("turned", ""): (
-        "turned",
-        "Channel '{channel}' is turned round in {runs}, other than in the others",
-        "turn its sign",
-    ),
-}
-"""Kind of the finding, what is said and what to do, by why a run is odd and its channel; "" for any other."""
-
-
-def _odd(reduction: Reduction) -> list[BenchFinding]:
-    """Runs that are left aside because they contradict the others of their kind."""
-    found = list(reduction.odd_runs.values())
-    result = []
-    for why, channel in dict.fromkeys((one.why, one.channel) for one in found):
-        runs = tuple(one.run for one in found if (one.why, one.channel) == (why, channel))
-        kind, said, advice = _ODD_WORDS.get((why, channel)) or _ODD_WORDS[why, ""]
-        said = said.format(channel=channel, runs=_within(runs))
-        said += f"; {'it is' if len(runs) == 1 else 'they are'} left aside"
-        result.append(BenchFinding(kind, channel, float(len(runs)), "runs", runs, said, advice))
-    runs = tuple(sorted(name for _, name in reduction.disagreeing))
-    if runs:
-        one = len(runs) == 1
-        said = f"{_within(runs)} {'disagrees' if one else 'disagree'} with every model of the others"
-        said = f"{said[0].upper()}{said[1:]}; {'it is' if one else 'they are'} left aside"
-        advice = "something touched the finger, its set-up was another, or something acts there alone"
-        result.append(BenchFinding("odd_run", "", float(len(runs)), "runs", runs, said, advice))
-    return result
-
-
-def _fragmented(reduction: Reduction) -> list[BenchFinding]:
-    """Runs that are left aside because of their gaps."""
-    runs = tuple(reduction.fragmented_runs)
-    if not runs:
-        return []
-    have, them = ("has", "it is") if len(runs) == 1 else ("have", "they are")
-    said = f"{_named(runs)} {have} gaps that leave no stretch long enough; {them} left aside"
-    advice = "find out what loses samples, and record again"
-    return [BenchFinding("lost_samples", "time", float(len(runs)), "runs", runs, said, advice)]
-
-
 def _turned(reduction: Reduction) -> list[BenchFinding]:
     """Torques of a motor alone that helped its friction, or told a negative inertia, as they were logged."""
     names = _put_right(reduction, (TURNED, "motor_torque"))[1]
     if not names:
         return []
-    said = f"Channel 'motor_torque' counts against the position in {_named(names)}; its sign is turned"
+    said = f"Channel 'motor_torque' counts against the position in {named_runs(names)}; its sign is turned"
     advice = "write what drives the axis towards larger positions as positive"
     return [BenchFinding("turned", "motor_torque", float(len(names)), "runs", names, said, advice)]
 
@@ -608,16 +517,6 @@ def _put_right(
 
 def _count(number: int, what: str) -> str:
     return f"{number:,} {what}{'' if number == 1 else 's'}"
-
-
-def _named(runs: Sequence[str]) -> str:
-    """How many runs, and the first of their names."""
-    return f"{_count(len(runs), 'run')} ({', '.join(runs[:5])}{', ...' if len(runs) > 5 else ''})"
-
-
-def _within(runs: Sequence[str]) -> str:
-    """The same within a sentence."""
-    return f"run {runs[0]}" if len(runs) == 1 else f"runs {listed(runs)}"
 
 
 def _number(value: float) -> str:

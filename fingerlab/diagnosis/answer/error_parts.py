@@ -153,8 +153,7 @@ class Comparison:
 class EquationError:
     """Error of one equation family on held-out runs; ``rmse`` and ``floor`` in ``unit``.
 
-    ``allowed``: what the score allows in contact on top of the floor, rms in ``unit``: a share of the cable's
-    pull, and what the tip's friction may do.
+    ``rubbing``: what the score takes for the tip's friction in contact on top of the floor, rms in ``unit``.
     ``seen``: the error where the fit has seen all runs; 0: not looked at.
     """
 
@@ -162,7 +161,7 @@ class EquationError:
     rmse: float
     r2: float
     floor: float
-    allowed: float = 0.0
+    rubbing: float = 0.0
     seen: float = 0.0
 
     def to_json(self) -> dict[str, Any]:

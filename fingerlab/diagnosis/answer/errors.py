@@ -23,7 +23,7 @@ from fingerlab.diagnosis.answer.results import HeldOutRuns
 from fingerlab.diagnosis.equations.coefficients import NO_SHIFT
 from fingerlab.diagnosis.equations.features import FORCE
 from fingerlab.diagnosis.equations.parameters import TORQUE_ZERO
-from fingerlab.diagnosis.fit.noise import allowed_covariance, floor_covariance, misfit_floor
+from fingerlab.diagnosis.fit.noise import floor_covariance, misfit_floor, tip_friction_covariance
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.gram.run_constants import EquationWeights, RunTotals, by_run
 from fingerlab.diagnosis.gram.sums import Group, Reduced
@@ -48,20 +48,20 @@ def equation_errors(reduced: Reduced, fitted: FittedModel) -> dict[str, Equation
     sums: dict[str, Array] = {}
     for group in reduced.groups:
         of = fitted.model, fitted.fit.values, group, fitted.weights[group.key]
-        squares = fitted.residuals[group.key], allowed_covariance(*of)
+        squares = fitted.residuals[group.key], tip_friction_covariance(*of)
         for family, values in _families(reduced, fitted, group, squares).items():
             sums[family] = sums.get(family, np.zeros(4)) + group.samples * np.array([*values, 1.0])
     result, floors = {}, equation_floors(reduced, fitted)
     for family, unit in FAMILY_UNITS.items():
         if family in sums:
-            error, allowed, spread, count = sums[family]
+            error, rubbing, spread, count = sums[family]
             size = reduced.layout.scales.of(unit)
             result[family] = EquationError(
                 unit,
                 size * float(np.sqrt(error / count)),
                 float(1.0 - error / max(spread, 1e-30)),
                 floors[family],
-                size * float(np.sqrt(max(allowed, 0.0) / count)),
+                size * float(np.sqrt(max(rubbing, 0.0) / count)),
             )
     return result
 

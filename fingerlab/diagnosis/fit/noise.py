@@ -23,7 +23,6 @@ from fingerlab.diagnosis.equations.coefficients import NO_SHIFT
 from fingerlab.diagnosis.equations.features import Layout
 from fingerlab.diagnosis.equations.model import Model
 from fingerlab.diagnosis.equations.parameters import RUBS, SLIPS
-from fingerlab.diagnosis.gram.run_constants import OF_TORQUE
 from fingerlab.diagnosis.gram.state_law import left_out_covariance, without_run_means
 from fingerlab.diagnosis.gram.sums import Group, Reduced
 from fingerlab.diagnosis.settings import (
@@ -142,8 +141,7 @@ def fill_missing_noise(reduced: Reduced) -> None:
             variance = torque_noise(reduced)
             bounded = variance == 0.0
             if bounded:
-                constants = reduced.constants
-                moves = constants is not None and bool(constants.spreads[OF_TORQUE] > 0.0)
+                moves = reduced.constants is not None and reduced.constants.move_torque
                 variance = reduced.torque_noise.share * untold_variance(reduced, alike, moves)
             signal = _signal(reduced.layout, Row.BENCH, None)
             noise = np.zeros((reduced.layout.signal_count,) * 2)
@@ -310,8 +308,8 @@ def misfit_floor(model: Model, values: Array, group: Group, weights: Array) -> A
     return _covariance_of(weights)
 
 
-def allowed_covariance(model: Model, values: Array, group: Group, weights: Array) -> Array:
-    """What the ``weights`` allow on top of the noise, (5, 5), for how a tip presses; none without contact."""
+def tip_friction_covariance(model: Model, values: Array, group: Group, weights: Array) -> Array:
+    """What the ``weights`` take for the tip's friction on top of the noise, (5, 5); none without contact."""
     if not (group.in_contact and group.repeats):
         return np.zeros_like(weights)
     return _covariance_of(weights) - misfit_floor(model, values, group, weights)

@@ -207,9 +207,7 @@ class Reduction(Recordings):
     @cached_property
     def _orders(self) -> tuple[float, ...]:
         """Periods a turn at which the torque of a motor alone repeats with its angle."""
-        lines = strongest_lines(list(self._looked_at.values())) if self.on_bench else {}
-        # In quarters: what no law tells is a bound, and no order of its own.
-        return tuple(dict.fromkeys(round(4.0 * order) / 4.0 for order in lines))[:STATE_ORDERS]
+        return tuple(strongest_lines(list(self._looked_at.values())))[:STATE_ORDERS] if self.on_bench else ()
 
     def begin(self, catalogue: Sequence[Effect], watch: Watch = SILENT, read: bool = False) -> None:
         """Make sure that the first pass is over this catalogue; one over another one is forgotten.

@@ -27,6 +27,7 @@ from fingerlab.sessions.model import CABLE_NAMES, Array
 SOURCES = ("mcp_angle", "pip_angle", "motor_torque", "motor_position", "endpoint_force")
 """Channels whose zero may be another one in every run; rad, rad, N m, rad, N."""
 OF_TORQUE = SOURCES.index("motor_torque")
+"""Place of the motor's torque among them."""
 KINDS = ((0, 1), (2,), (3,), (4,))
 """Sources that scatter alike: whoever clamps one joint's sensor anew does so with the other."""
 OF_CABLE = (0, 2)
@@ -99,6 +100,11 @@ class RunConstants:
     spreads: Array
     shares: Mapping[GroupKey, Array]
     by_averages: bool = False
+
+    @property
+    def move_torque(self) -> bool:
+        """Whether the torque's zero is another one in every run."""
+        return bool(self.spreads[OF_TORQUE] > 0.0)
 
     @cached_property
     def key(self) -> tuple[bytes, ...]:

@@ -30,7 +30,6 @@ from fingerlab.diagnosis.signals.conditions import GroupKey
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
 from fingerlab.diagnosis.signals.scales import powers_of
 from fingerlab.effects.base import ALONE, Effect
-from fingerlab.physics.parameter import Parameter
 from fingerlab.sessions.model import Array, BoolArray
 
 
@@ -63,7 +62,7 @@ def at_assumed_bounds(fitted: FittedModel) -> list[str]:
     found = []
     for name, gain in effect.unknowns.items():
         place = fitted.model.index.get(name if name in effect.relaxes else f"{effect.id}.{name}")
-        if place is None or _limited(fitted, gain) or not gain.source.startswith("assumed"):
+        if place is None or gain.limits is not None or not gain.source.startswith("assumed"):
             continue
         if not any(powers_of(gain.unit)):
             continue
@@ -73,13 +72,6 @@ def at_assumed_bounds(fitted: FittedModel) -> list[str]:
     return found
 
 
-def _limited(fitted: FittedModel, gain: Parameter) -> bool:
-    """Whether the point of the grid at which the last effect is limits one of its strengths."""
-    last = fitted.choices[-1]
-    shape = last.effect.shapes[last.shape] if len(last.effect.shapes) else {}
-    return gain.limits is not None and gain.limits(shape) is not None
-
-
 def at_bounds(fitted: FittedModel) -> list[str]:
     """Strengths of the last effect that stand at the edge of what is allowed, whoever says so.
 
@@ -87,7 +79,7 @@ def at_bounds(fitted: FittedModel) -> list[str]:
     """
     effect, found = fitted.last_effect, []
     for name, key in own_keys(fitted, effect).items():
-        if name not in effect.unknowns or _limited(fitted, effect.unknowns[name]):
+        if name not in effect.unknowns or effect.unknowns[name].limits is not None:
             continue
         place = fitted.model.index[key]
         low, high = float(fitted.model.low[place]), float(fitted.model.high[place])

@@ -17,7 +17,6 @@ from fingerlab.diagnosis.equations.model import Choice, Model
 from fingerlab.diagnosis.fit.data import Weights
 from fingerlab.diagnosis.fit.noise import row_covariance
 from fingerlab.diagnosis.gram.reduction import Reduction
-from fingerlab.diagnosis.gram.run_constants import OF_TORQUE
 from fingerlab.diagnosis.gram.state_law import (
     left_out_covariance,
     told_by,
@@ -91,7 +90,7 @@ def noise_below_floor(
     if after < LEAST_NOISE * torque_variance([run for group in groups for run in group.state_products]):
         return ALL_NOISE
     runs = reduction.torque_with_memory()
-    if reduced.constants is not None and reduced.constants.spreads[OF_TORQUE] > 0.0:
+    if reduced.constants is not None and reduced.constants.move_torque:
         runs = without_run_means(runs)
     noise = max(variance_of_noise(runs), LEAST_STATE_SHARE * floor)
     explained = (before - after) / max(before - noise, LEAST_STATE_SHARE * before)

@@ -30,7 +30,7 @@ from fingerlab.diagnosis.fit.noise import (
 from fingerlab.diagnosis.fit.priors import prior_penalty, starting_arms
 from fingerlab.diagnosis.fit.random_effects import explained, own_share
 from fingerlab.diagnosis.fit.solver import Fitter
-from fingerlab.diagnosis.gram.run_constants import OF_TORQUE, EquationWeights, Offsets, RunConstants
+from fingerlab.diagnosis.gram.run_constants import EquationWeights, Offsets, RunConstants
 from fingerlab.diagnosis.gram.sums import Group, Reduced
 from fingerlab.diagnosis.score.fitted_model import FittedModel, FoldErrors, paired_misfit, sensitivity
 from fingerlab.diagnosis.settings import FULL_ITERATIONS, HOPELESS, MOST_ROUNDS, SETTLED, USUAL_ITERATIONS
@@ -74,7 +74,7 @@ class Scorer:
 
         Of a motor's torque they are no noise either.
         """
-        if constants.spreads[OF_TORQUE] > 0.0 and any(g.bounded for g in self.reduced.groups):
+        if constants.move_torque and any(g.bounded for g in self.reduced.groups):
             return Scorer(replace(self.reduced, groups=self._without_bound(), constants=constants))
         other = self.fresh()
         other.reduced = replace(self.reduced, constants=constants)

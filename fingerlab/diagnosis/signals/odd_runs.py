@@ -9,8 +9,8 @@ of this.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from operator import methodcaller
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -22,9 +22,12 @@ from fingerlab.diagnosis.settings import (
     ODD_FOLLOWING,
     ODD_FORCE,
     ODD_GEOMETRY,
+    ODD_MOVES,
     ODD_NOISE,
+    ODD_SAMPLES,
     ODD_STILL,
-    PACE_SAMPLES,
+    ODD_TIMES,
+    WELL_APART,
 )
 from fingerlab.diagnosis.signals.conditions import kind_of, missing_channels
 from fingerlab.sessions.model import Array, Run, Session
@@ -54,6 +57,7 @@ class _Look:
     phase: str
     cable: str
     channels: Mapping[str, Array]
+    rate_hz: float
 
     def spread(self, channel: str) -> float:
         return float(self.channels[channel].std())
@@ -68,223 +72,219 @@ class _Look:
         power = float(values @ values)
         return float(values[1:] @ values[:-1]) / power if power > 0.0 else 1.0
 
+    def astray(self) -> float:
+        """How far the motor is off its command, as a share of what that moves."""
+        commanded = self.channels["motor_command"]
+        spread = float(commanded.std())
+        return float((commanded - self.channels["motor_position"]).std()) / spread if spread > 0.0 else 0.0
+
+    def is_clipped(self, channel: str) -> bool:
+        """Whether a channel stands at its largest or its least number, and is read finely elsewhere.
+
+        A drive that is at its limit is no such channel: its current has noise there, too.
+        """
+        values = self.channels[channel]
+        at_ends = [values == end for end in (values.max(), values.min())]
+        return bool(np.ptp(values) > 0.0) and any(
+            bool(at_end.mean() > ODD_CLIPPED and np.mean(np.diff(values[~at_end]) == 0.0) < ODD_CLIPPED)
+            for at_end in at_ends
+        )
+
+    @cached_property
+    def products(self) -> Array:
+        """Mean products of what the cable's length goes with, each about its mean, the position last, (5, 5).
+
+        Both angles; the pull, for a cable that gives; the speed, for channels that are late.
+        """
+        width = max(round(SMOOTHED_S * self.rate_hz), 1)
+        position = self.channels["motor_position"]
+        ends = np.pad(position, (width // 2, width - 1 - width // 2), mode="edge")
+        speed = np.gradient(np.convolve(ends, np.full(width, 1.0 / width), mode="valid"))
+        columns = (*(self.channels[name] for name in (*ANGLES, "motor_torque")), speed, position)
+        return np.cov(np.stack(columns), bias=True)
+
+
+ANGLES = ("mcp_angle", "pip_angle")
+SENSES = {"motor_position": (3, 4), "mcp_angle": (0,), "pip_angle": (1,)}
+"""Channels whose sense may be turned in one run, and what of the products it turns; that of the position is
+as well the cable's name."""
+SMOOTHED_S = 0.01
+"""A position is averaged over, s, before its speed is told: an encoder's steps are no motion; assumed."""
+Check = Callable[[Sequence[_Look]], Iterator[tuple[RunKey, OddRun]]]
+
 
 def odd_runs(pairs: Iterable[tuple[Session, Run]]) -> dict[RunKey, OddRun]:
     """Those of a finger's runs, as recorded; of a kind with few runs, or where many are odd, none."""
     looks = [look for session, run in pairs if (look := _look(session, run)) is not None]
+    checks: tuple[Check, ...] = (_clipped, _still, _noisy, _unpressed, _pressed, _held, _turned)
     found: dict[RunKey, OddRun] = {}
-    clipped = dict(_clipped(looks))
-    if len(clipped) < len(looks):
-        found |= clipped
-    for check in (_still, _noisy, _pressing, _held, _turned):
-        left = [look for look in looks if look.key not in found]
-        found |= dict(check(left))
-    return found
+    for check in checks:
+        found |= dict(check([look for look in looks if look.key not in found]))
+    return found if len(found) < len(looks) else {}
 
 
 def _look(session: Session, run: Run) -> _Look | None:
     if run.phase == "motor_bench" or run.cable_sign == 0 or missing_channels(run):
         return None
     first = run.length // 10
-    names = ("motor_position", "motor_torque", "mcp_angle", "pip_angle", "endpoint_force", "motor_command")
-    there = [name for name in names if run.has(name)]
+    needed = ("motor_position", "motor_torque", *ANGLES)
+    there = [name for name in (*needed, "endpoint_force", "motor_command") if run.has(name)]
     try:
-        channels = run.load(there, first, min(run.length, first + PACE_SAMPLES))
+        channels = run.load(there, first, min(run.length, first + ODD_SAMPLES))
     except UserError:  # a value that is no number: told where the run is read
         return None
     finite = {name: values for name, values in channels.items() if np.isfinite(values).all()}
-    if len(channels["motor_position"]) < 16 or not set(names[:4]) <= finite.keys():
+    if len(channels["motor_position"]) < 16 or not set(needed) <= finite.keys():
         return None
-    if max(float(np.abs(finite[name]).max()) for name in names[2:4]) > np.pi:  # degrees: told there, too
+    if max(float(np.abs(finite[name]).max()) for name in ANGLES) > np.pi:  # degrees: told there, too
         return None
-    finite["motor_speed"] = np.gradient(_smooth(finite["motor_position"], run.sample_rate_hz))
-    return _Look((str(session.path), run.name), kind_of(run.phase), run.cable, finite)
+    return _Look((str(session.path), run.name), kind_of(run.phase), run.cable, finite, run.sample_rate_hz)
 
 
-def _smooth(values: Array, rate: float) -> Array:
-    """A channel averaged over ``SMOOTHED_S``, (n,)."""
-    width = max(round(SMOOTHED_S * rate), 1)
-    ends = np.pad(values, (width // 2, width - 1 - width // 2), mode="edge")
-    return np.convolve(ends, np.full(width, 1.0 / width), mode="valid")
+def _odd(
+    looks: Sequence[_Look],
+    channel: str,
+    why: Why,
+    is_odd: Callable[[_Look, Sequence[_Look]], bool],
+    of: Callable[[_Look], object] = lambda look: (look.cable, look.phase),
+) -> Iterator[tuple[RunKey, OddRun]]:
+    """Runs with a channel that are odd among those of their kind, if there are enough to tell who is.
 
-
-SMOOTHED_S = 0.01
-"""A position is averaged over, s, before its speed is told: an encoder's steps are no motion; assumed."""
-Found = Iterator[tuple[RunKey, OddRun]]
-
-
-def _kinds(looks: Sequence[_Look], of: Callable[[_Look], object], channel: str) -> Iterator[list[_Look]]:
-    """Groups of the runs with a channel that are of one kind, of enough runs to tell who is odd."""
+    Args:
+        is_odd: by the run and the others of its kind. of: what tells the kind of a run.
+    """
     kinds: dict[object, list[_Look]] = {}
     for look in looks:
         if channel in look.channels:
             kinds.setdefault(of(look), []).append(look)
-    return (each for each in kinds.values() if len(each) >= LEAST_ALIKE)
+    for every in kinds.values():
+        if len(every) < LEAST_ALIKE:
+            continue
+        odd = [look for look in every if is_odd(look, [one for one in every if one is not look])]
+        if len(odd) <= len(every) // LEAST_ALIKE:
+            yield from ((look.key, OddRun(look.key[1], why, channel)) for look in odd)
 
 
-def _few(odd: Sequence[_Look], every: Sequence[_Look]) -> bool:
-    """Whether so few of a kind are odd that the others are the rule."""
-    return 0 < len(odd) <= len(every) // LEAST_ALIKE
+def _usual(others: Sequence[_Look], what: str, *channel: str) -> float:
+    """Median of a number of the others, by its name in :class:`_Look`."""
+    return float(np.median([getattr(one, what)(*channel) for one in others]))
 
 
-def _others(look: _Look, every: Sequence[_Look], size: Callable[[_Look], float]) -> float:
-    return float(np.median([size(one) for one in every if one is not look]))
-
-
-def _clipped(looks: Sequence[_Look]) -> Found:
-    """Runs of which a channel is cut off at its largest or its least number, and is read finely elsewhere.
-
-    A drive that is at its limit is no such run: its current has noise there, too.
-    """
+def _clipped(looks: Sequence[_Look]) -> Iterator[tuple[RunKey, OddRun]]:
+    """Runs of which a channel is cut off, however many."""
     for look in looks:
-        for channel in ("motor_torque", "endpoint_force", "mcp_angle", "pip_angle"):
-            values = look.channels.get(channel)
-            if values is None or not np.ptp(values) > 0.0:
-                continue
-            for end in (values.max(), values.min()):
-                at_end = values == end
-                elsewhere = np.diff(values[~at_end])
-                share, alike = (
-                    float(at_end.mean()),
-                    float(np.mean(elsewhere == 0.0)) if len(elsewhere) else 1.0,
-                )
-                if share > ODD_CLIPPED and alike < ODD_CLIPPED:
-                    yield look.key, OddRun(look.key[1], "clipped", channel)
+        for channel in ("motor_torque", "endpoint_force", *ANGLES):
+            if channel in look.channels and look.is_clipped(channel):
+                yield look.key, OddRun(look.key[1], "clipped", channel)
 
 
-def _still(looks: Sequence[_Look]) -> Found:
+def _still(looks: Sequence[_Look]) -> Iterator[tuple[RunKey, OddRun]]:
     """Angles that stand still, without the noise of their sensor, while the motor moves as in the others."""
-    for channel in ("mcp_angle", "pip_angle"):
-        for every in _kinds(looks, lambda look: (look.cable, look.phase), channel):
-            odd = [
-                look for look in every
-                if look.spread(channel) < ODD_STILL * _others(look, every, methodcaller("spread", channel))
-                and look.noise(channel) < ODD_STILL * _others(look, every, methodcaller("noise", channel))
-                and _moves(look, every)
-            ]  # fmt: skip
-            if _few(odd, every):
-                yield from ((look.key, OddRun(look.key[1], "still", channel)) for look in odd)
+    for channel in ANGLES:
+
+        def is_still(look: _Look, others: Sequence[_Look], channel: str = channel) -> bool:
+            return (
+                look.spread(channel) < ODD_STILL * _usual(others, "spread", channel)
+                and look.noise(channel) < ODD_STILL * _usual(others, "noise", channel)
+                and look.spread("motor_position") > ODD_MOVES * _usual(others, "spread", "motor_position")
+            )
+
+        yield from _odd(looks, channel, "still", is_still)
 
 
-def _moves(look: _Look, every: Sequence[_Look], channel: str = "motor_position") -> bool:
-    """Whether a run's motor moves, or pulls, at least a good part of what it does in the others."""
-    return look.spread(channel) > 0.3 * _others(look, every, methodcaller("spread", channel))
-
-
-def _noisy(looks: Sequence[_Look]) -> Found:
+def _noisy(looks: Sequence[_Look]) -> Iterator[tuple[RunKey, OddRun]]:
     """Angles that are noise, and nothing else."""
-    for channel in ("mcp_angle", "pip_angle"):
-        for every in _kinds(looks, lambda look: (look.cable, look.phase), channel):
-            odd = [
-                look for look in every
-                if look.remembers(channel) < ODD_NOISE
-                and _others(look, every, methodcaller("remembers", channel)) > 1.0 - ODD_NOISE / 5.0
-            ]  # fmt: skip
-            if _few(odd, every):
-                yield from ((look.key, OddRun(look.key[1], "noise", channel)) for look in odd)
+    for channel in ANGLES:
+
+        def is_noise(look: _Look, others: Sequence[_Look], channel: str = channel) -> bool:
+            least, most = ODD_NOISE
+            return look.remembers(channel) < least and _usual(others, "remembers", channel) > most
+
+        yield from _odd(looks, channel, "noise", is_noise)
 
 
-def _pressing(looks: Sequence[_Look]) -> Found:
-    """Runs in contact in which the load cell shows no force, and runs in the air in which it shows one."""
-    channel = "endpoint_force"
-    both = list(_kinds(looks, lambda look: look.phase == "contact", channel))
-    contact = next((each for each in both if each[0].phase == "contact"), [])
-    air = next((each for each in both if each[0].phase != "contact"), [])
-    odd = [
-        look for look in contact
-        if look.spread(channel) < ODD_FORCE * _others(look, contact, methodcaller("spread", channel))
-        and _moves(look, contact, "motor_torque")
-    ]  # fmt: skip
-    if _few(odd, contact):
-        yield from ((look.key, OddRun(look.key[1], "still", channel)) for look in odd)
-    touching = [one.spread(channel) for one in looks if one.phase == "contact" and channel in one.channels]
-    if not touching:
-        return
-    least = 2.0 * ODD_FORCE * float(np.median(touching))
-    odd = [
-        look for look in air
-        if look.spread(channel) > max(least, 10.0 * _others(look, air, methodcaller("spread", channel)))
-    ]  # fmt: skip
-    if _few(odd, air):
-        yield from ((look.key, OddRun(look.key[1], "force", channel)) for look in odd)
+def _unpressed(looks: Sequence[_Look]) -> Iterator[tuple[RunKey, OddRun]]:
+    """Runs in contact in which the load cell shows no force, though the motor pulls as in the others."""
+
+    def shows_none(look: _Look, others: Sequence[_Look]) -> bool:
+        pulls = look.spread("motor_torque") > ODD_MOVES * _usual(others, "spread", "motor_torque")
+        return pulls and look.spread(FORCE) < ODD_FORCE * _usual(others, "spread", FORCE)
+
+    pressed = [look for look in looks if look.phase == "contact"]
+    return _odd(pressed, FORCE, "still", shows_none, lambda look: look.phase)
 
 
-def _held(looks: Sequence[_Look]) -> Found:
+def _pressed(looks: Sequence[_Look]) -> Iterator[tuple[RunKey, OddRun]]:
+    """Runs on air in which the load cell shows a force, as it does in contact and not in the others."""
+    pressed = [look for look in looks if look.phase == "contact" and FORCE in look.channels]
+    if not pressed:
+        return iter(())
+    least = ODD_FORCE * _usual(pressed, "spread", FORCE)
+
+    def shows_one(look: _Look, others: Sequence[_Look]) -> bool:
+        return look.spread(FORCE) > max(least, ODD_TIMES * _usual(others, "spread", FORCE))
+
+    free = [look for look in looks if look.phase != "contact"]
+    return _odd(free, FORCE, "force", shows_one, lambda look: look.phase)
+
+
+FORCE = "endpoint_force"
+
+
+def _held(looks: Sequence[_Look]) -> Iterator[tuple[RunKey, OddRun]]:
     """Runs in which the motor does not follow its command, as it does in the others."""
 
-    def astray(look: _Look) -> float:
-        commanded = look.channels["motor_command"]
-        spread = float(commanded.std())
-        return float((commanded - look.channels["motor_position"]).std()) / spread if spread > 0.0 else 0.0
+    def is_held(look: _Look, others: Sequence[_Look]) -> bool:
+        return look.astray() > max(ODD_FOLLOWING, ODD_TIMES * _usual(others, "astray"))
 
-    for every in _kinds(looks, lambda look: (look.cable, look.phase), "motor_command"):
-        odd = [
-            look for look in every
-            if astray(look) > max(ODD_FOLLOWING, 10.0 * _others(look, every, astray))
-        ]  # fmt: skip
-        if _few(odd, every):
-            yield from ((look.key, OddRun(look.key[1], "held", "motor_position")) for look in odd)
+    found = _odd(looks, "motor_command", "held", is_held)
+    return ((key, replace(one, channel="motor_position")) for key, one in found)
 
 
-SENSES = ("motor_position", "mcp_angle", "pip_angle")
-"""Channels whose sense may be turned in one run; that of the position is as well the cable's name."""
-
-
-def _turned(looks: Sequence[_Look]) -> Found:
+def _turned(looks: Sequence[_Look]) -> Iterator[tuple[RunKey, OddRun]]:
     """Runs in which one channel is turned round, or the name of the cable, by the others' geometry.
 
-    The pull stands beside the angles, for a cable that gives, and the speed for channels that are late. How
-    far a run's geometry is off otherwise may be the physics' doing, and is left to the models.
+    How far a run's geometry is off otherwise may be the physics' doing, and is left to the models.
     """
-    for every in _kinds(looks, lambda look: look.cable, "motor_position"):
+    for cable in sorted({look.cable for look in looks}):
+        every = [look for look in looks if look.cable == cable]
         left, found = list(every), []
         while len(left) > LEAST_ALIKE and (odd := _turned_most(left)) is not None:
             found.append(odd)
             left = [look for look in left if look.key != odd[0]]
-        if found and len(found) <= len(every) // LEAST_ALIKE:
+        if len(found) <= len(every) // LEAST_ALIKE:
             yield from found
 
 
 def _turned_most(every: Sequence[_Look]) -> tuple[RunKey, OddRun] | None:
     """The run without which the others agree best, if one of its channels is turned round by them."""
-    without = {look.key: [one for one in every if one is not look] for look in every}
-    each = {key: _geometry(others) for key, others in without.items()}
-    worst = {key: max(_left(one, each[key]) for one in others) for key, others in without.items()}
-    look = min(every, key=lambda one: worst[one.key])
-    left = _left(look, each[look.key])
-    if not left > max(ODD_GEOMETRY * look.spread("motor_position"), 5.0 * worst[look.key]):
+    whole = sum(look.products for look in every)
+    geometries = [_geometry(whole - look.products) for look in every]
+    worst = [
+        max(_left(one, geometry) for one in every if one is not look)
+        for look, geometry in zip(every, geometries, strict=True)
+    ]
+    place = int(np.argmin(worst))
+    look, geometry = every[place], geometries[place]
+    left = _left(look, geometry)
+    if not left > max(ODD_GEOMETRY * look.spread("motor_position"), WELL_APART * worst[place]):
         return None
-    channel = min(SENSES, key=lambda name: _left(look, each[look.key], name))
-    if _left(look, each[look.key], channel) > 0.2 * left:
+    channel = min(SENSES, key=lambda name: _left(look, geometry, name))
+    if WELL_APART * _left(look, geometry, channel) > left:
         return None
     return look.key, OddRun(look.key[1], "turned", channel)
 
 
-def _columns(look: _Look, turned: str | None = None) -> tuple[Array, Array]:
-    """What the position goes with, (n, 4), and the position, (n,), each about its mean."""
-    signs = {name: -1.0 if name == turned else 1.0 for name in SENSES}
-    columns = np.stack(
-        [
-            signs["mcp_angle"] * look.channels["mcp_angle"],
-            signs["pip_angle"] * look.channels["pip_angle"],
-            look.channels["motor_torque"],
-            signs["motor_position"] * look.channels["motor_speed"],
-        ],
-        axis=1,
-    )
-    position = signs["motor_position"] * look.channels["motor_position"]
-    return columns - columns.mean(axis=0), position - position.mean()
-
-
-def _geometry(looks: Sequence[_Look]) -> Array:
-    """Least squares of the position over both angles, the pull and the speed, (4,); each run has its zero."""
-    each = [_columns(look) for look in looks]
-    columns, position = (np.concatenate(parts) for parts in zip(*each, strict=True))
-    scale = np.maximum(columns.std(axis=0), 1e-30)
-    return np.asarray(np.linalg.lstsq(columns / scale, position, rcond=1e-6)[0] / scale)
+def _geometry(products: Array) -> Array:
+    """Least squares of the position over the other columns of some products, (4,)."""
+    scale = np.sqrt(np.maximum(np.diag(products)[:-1], 1e-60))
+    matrix = products[:-1, :-1] / np.outer(scale, scale)
+    return np.asarray(np.linalg.lstsq(matrix, products[:-1, -1] / scale, rcond=1e-9)[0] / scale)
 
 
 def _left(look: _Look, geometry: Array, turned: str | None = None) -> float:
-    """What a geometry leaves of a run's position, root mean square, rad."""
-    columns, position = _columns(look, turned)
-    return float((position - columns @ geometry).std())
+    """What a geometry leaves of a run's position, root mean square, rad; with one channel ``turned``."""
+    residual = np.append(-geometry, 1.0)
+    if turned is not None:
+        residual[list(SENSES[turned])] *= -1.0
+    return float(np.sqrt(max(residual @ look.products @ residual, 0.0)))

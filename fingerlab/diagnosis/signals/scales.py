@@ -118,20 +118,13 @@ def find_scales(sessions: Sequence[Session]) -> Scales:
     spreads = [float(torque.std()) for run in bench if len(torque := _moving(run, "motor_torque"))]
     if not spreads:
         return SI
-    arc = next((radius for session in sessions if (radius := _arc_of(session)) > 0.0), 0.0)
+    arc = max(session.rig.line_radius for session in sessions)
     size = _relative(float(np.median(spreads)), USUAL_TORQUE_SPREAD)
     return Scales(size, 1.0, _time_of(bench, "line" if arc else "turns"), _angle_of(bench, arc))
 
 
 Axis = Literal["finger", "turns", "line"]
 """What a motor moves: a finger, itself alone, which may turn on, or something along a line."""
-
-
-def _arc_of(session: Session) -> float:
-    """Radius (m) of the arc as which an axis along a line is told; 0 of one that turns."""
-    axis = session.rig.extra.get("axis")
-    radius = axis.get("radius_m") if isinstance(axis, Mapping) else None
-    return float(radius) if isinstance(radius, int | float) and radius > 0 else 0.0
 
 
 def _angle_of(runs: Sequence[Run], arc: float) -> float:

@@ -271,7 +271,7 @@ def _motion(
         joints=joints,
         force=force,
         load=load,
-        revolute=not isinstance(rig.extra.get("axis"), Mapping) and scales_of(run).angle == 1.0,
+        revolute=not rig.line_radius and scales_of(run).angle == 1.0,
         lead=behind,
         inertia_spread=_inertia_spread(rig),
         intervention=None if on_bench else reduced_change(run),
