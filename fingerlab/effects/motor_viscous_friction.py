@@ -6,12 +6,14 @@ import numpy as np
 
 from fingerlab.effects.base import BOTH_JOINTS, Effect, Example, Formula, Row, Shape, Term
 from fingerlab.effects.transmission import drive_terms
-from fingerlab.physics.motion import STANDSTILL, Motion
+from fingerlab.physics.motion import Motion
 from fingerlab.physics.parameter import Parameter
 from fingerlab.sessions.model import Array
 
 TURBULENT = "turbulent"
 """Switch of a shape: drag grows with the square of the speed, too, as of a fan or through an orifice."""
+DRY_SHARES = (0.002, 0.01, 0.05, 0.2)
+"""Shares of the fastest speed over which dry friction may turn round; assumed."""
 LEAST_GAIN, LEAST_LEFT = 0.5, 1e-4
 """Share of the squared torque left without it, below which the square of the speed has a say, and share of
 the torque's variance that has to be left; assumed."""
@@ -31,8 +33,9 @@ def _seen(motions: Sequence[Motion]) -> tuple[Shape, ...]:
         np.concatenate([getattr(m, name)[here] for m, here in inner])
         for name in ("torque", "position", "velocity", "acceleration")
     )
-    slow = STANDSTILL * max(float(np.abs(speed).max()), 1e-12)
-    laws = (np.ones_like(speed), acceleration, position, speed, np.tanh(speed / slow), speed * np.abs(speed))
+    fastest = max(float(np.abs(speed).max()), 1e-12)
+    dry = [np.tanh(speed / (share * fastest)) for share in DRY_SHARES]
+    laws = (np.ones_like(speed), acceleration, position, speed, *dry, speed * np.abs(speed))
     columns = np.stack([law / max(float(np.abs(law).max()), 1e-300) for law in laws], axis=1)
 
     def left(columns: Array) -> float:

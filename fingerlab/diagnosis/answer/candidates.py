@@ -199,13 +199,18 @@ def _estimate_in_si(
 def every_parameter(
     fitted: FittedModel, temperature: float, variances: Mapping[str, float] = NO_VARIANCE
 ) -> dict[str, ParameterEstimate]:
-    """All unknowns of the model by key, SI, with 90 % intervals that no bound cuts."""
+    """All unknowns of the model by key, SI, with 90 % intervals that no bound cuts.
+
+    Not what an effect has for another of its laws than the one at hand.
+    """
     spread = deviations(fitted, temperature, variances)
+    of_laws = {key for choice in fitted.choices for key in own_keys(fitted, choice.effect).values()}
     return {
         u.key: _estimate_in_si(
             fitted, u.parameter.unit, float(v), float(v) - Z90 * spread[u.key], float(v) + Z90 * spread[u.key]
         )
         for u, v in zip(fitted.model.unknowns, fitted.fit.values, strict=True)
+        if not u.effect or u.key in of_laws
     }
 
 
