@@ -55,6 +55,7 @@ class Motion:
     finger: Finger | None = None
     joints: nominal.JointMotion | None = None
     force: Array | None = None
+    knocks: Array | None = None  # what the knocks of a tip that lands add to the force; None: none are seen
     load: Array | None = None
     revolute: bool = True  # no axis along a line, told as an arc, nor one that moves by far less than a turn
     lead: int = 0  # samples at the start that only set the memory of what has one; no equation counts there
@@ -150,6 +151,18 @@ class Motion:
         return (
             self.remember("contact mcp", lambda: force * mcp),
             self.remember("contact pip", lambda: force * pip),
+        )
+
+    @property
+    def knock_torques(self) -> tuple[Array, Array]:
+        """What of the contact torques the knocks of a tip that lands are, N m; zero where there are none."""
+        if self.knocks is None:
+            return nothing(len(self.time)), nothing(len(self.time))  # two, as they are where there are any
+        knocks = self.knocks
+        mcp, pip = self.contact_levers
+        return (
+            self.remember("knock mcp", lambda: knocks * mcp),
+            self.remember("knock pip", lambda: knocks * pip),
         )
 
     @property

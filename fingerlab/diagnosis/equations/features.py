@@ -21,6 +21,7 @@ import numpy as np
 
 from fingerlab.diagnosis.equations.parameters import (
     CHANGED_OFFSET,
+    KNOCK_GAIN,
     TIP_LAWS,
     TORQUE_LAG,
     TORQUE_LAG_SQUARE,
@@ -231,9 +232,12 @@ def base_columns(motion: Motion) -> list[tuple[Feature, Array]]:
         (Feature(row, name, scale="joint"), values) for row, name, values in _length_parts(finger, motion)
     ]
     contact_mcp, contact_pip = motion.contact_torques
+    knock_mcp, knock_pip = motion.knock_torques
     columns += [
         (Feature(Row.MCP, "force_gain", constant=1.0, scale="joint"), contact_mcp),
         (Feature(Row.PIP, "force_gain", constant=1.0, scale="joint"), contact_pip),
+        (Feature(Row.MCP, KNOCK_GAIN, scale="joint"), knock_mcp),
+        (Feature(Row.PIP, KNOCK_GAIN, scale="joint"), knock_pip),
         (Feature(Row.MCP, "loss_mcp", scale="joint", per_cable=True), minus),
         (Feature(Row.PIP, "loss_pip", scale="joint", per_cable=True), minus),
         (Feature(Row.MCP, "trace_mcp", scale="joint"), q.mcp_velocity),

@@ -81,7 +81,19 @@ RIG_CONSTANTS = (*FITTED_CONSTANTS, "torque_constant", "inertia")
 KNOWN_CONSTANTS = frozenset(OF_CONSTANT.get(name, name) for name in (*RIG_CONSTANTS, "force_gain"))
 """Unknowns of which a rig file or a data sheet says how far off they usually are."""
 ARM = Parameter("m", 0.002, 0.04, 0.01, source="assumed: from 2 to 40 mm", default=0.01, open=True)
-IN_CONTACT = ("force_gain", "lateral", SET_DOWN, "lateral_spring", RUBS, *SLIPS, "tip_tilt", "tip_compliance")
+KNOCK_GAIN = "knock_gain"
+"""By what share a knock of a tip that lands was harder than the load cell's one or two samples of it say."""
+IN_CONTACT = (
+    "force_gain",
+    KNOCK_GAIN,
+    "lateral",
+    SET_DOWN,
+    "lateral_spring",
+    RUBS,
+    *SLIPS,
+    "tip_tilt",
+    "tip_compliance",
+)
 """What a finger that touches nothing says nothing of."""
 
 
@@ -129,6 +141,7 @@ def nuisance_ranges(
     ranges["rotor_inertia"] = Parameter("kg m^2", -2.5 * spread, 2.5 * spread, spread, source="rig file")
     ranges |= {
         "force_gain": Parameter("1", -0.03, 0.03, 0.01, source="FC2231 data sheet: 1 % of span"),
+        KNOCK_GAIN: Parameter("1", -1.0, 2.0, 0.5, source="assumed: a knock of one or two samples"),
         "loss_mcp": Parameter("N m", -0.05, 0.05, 1e-3, source="assumed: a degree of a joint's zero"),
         "loss_pip": Parameter("N m", -0.05, 0.05, 1e-3, source="assumed: a degree of a joint's zero"),
         "trace_mcp": Parameter("N m s/rad", 0.0, 4e-4, 1e-4),

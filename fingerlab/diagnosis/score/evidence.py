@@ -18,6 +18,7 @@ from fingerlab.diagnosis.score.selection import (
     bayes_factor,
     complexity_penalty,
     contact_penalty,
+    is_trace,
     lacks_fit,
     least_explained,
     least_strength,
@@ -132,8 +133,13 @@ def judge(base: FittedModel, candidates: Sequence[FittedModel]) -> Evidence:
     least_unknown = UNKNOWN_LEAST_BEYOND if base.choices else UNKNOWN_LEAST
     unexplained = (1.0 - UNKNOWN_SHARE) * zero + least_unknown * count + 2 * DECIDING_LOG_ODDS * temperature
     unknown = -0.5 * unexplained / temperature + np.log(PRIOR_UNKNOWN)
-    logs = np.array([np.logaddexp.reduce(effects), nothing, unknown])
     log_odds = log_odds_among(base, candidates)
+    traces = np.array([is_trace(base, t) for t in candidates], dtype=bool)
+    if traces.any():  # nothing is missing of a bench that has no more than a trace of something
+        nothing = np.logaddexp.reduce([nothing, *effects[traces]])
+        effects, log_odds = (np.where(traces, IMPOSSIBLE, odds) for odds in (effects, log_odds))
+        log_odds = log_odds - log_odds.max()
+    logs = np.array([np.logaddexp.reduce(effects), nothing, unknown])
     least_left = max(float(min(charged, default=zero)), 0.0) / max(count, 1.0)
     found, none, other = _shared(logs)
     shares = found * shares_of(log_odds)

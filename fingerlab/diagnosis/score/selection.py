@@ -40,6 +40,7 @@ from fingerlab.diagnosis.settings import (
     STRONGEST,
     SYSTEMATIC_VALUES,
     TOLD_ODDS,
+    TRACE_STRENGTH,
     UNLIKE_SHEATHS,
     USUAL_FREEDOM,
     USUAL_LEFT,
@@ -57,6 +58,8 @@ def justified(base: FittedModel, fitted: FittedModel, level: float = 0.0, reach:
     effect lowers the floor makes it likelier, but explains nothing of what the first one left. ``reach``: the
     misfit of ``base`` under the other's weights, if there is more to explain by those.
     """
+    if is_trace(base, fitted):
+        return False
     fall = base.misfit - fitted.misfit - level
     explained = min(fall, fall + level) if base.choices else fall
     explained = min(explained, max(base.misfit, reach, 0.0))  # what lies below the floor is no misfit
@@ -65,6 +68,16 @@ def justified(base: FittedModel, fitted: FittedModel, level: float = 0.0, reach:
     gain = 0.5 * (fall - complexity_penalty(base, fitted) - in_contact * fitted.count) / temperature
     likely = gain > DECIDING_LOG_ODDS + cost_of_choice(fitted)
     return bool(likely and explained > least_explained(base, base.misfit, base.count, in_contact))
+
+
+def is_trace(base: FittedModel, fitted: FittedModel) -> bool:
+    """Whether the last effect is so slight that every bench has that much of it, on one that fits as it is.
+
+    However surely it is seen: no bench is quite without friction, and a model of one is none the worse.
+    """
+    if base.choices or lacks_fit(base) or fitted.last_effect.special:
+        return False
+    return 0.0 < fitted.strength_of_all(base) < TRACE_STRENGTH
 
 
 def constants_speak(base: FittedModel, fitted: FittedModel) -> bool:

@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from fingerlab.diagnosis.settings import (
     END_JUMP,
     JUMP_STEPS,
+    LANDED_SCATTERS,
     LEAST_JITTER,
     LEAST_JUMPS,
     LEAST_SPIKE,
@@ -136,14 +137,38 @@ def without_spikes(values: Array, landing_samples: int = 0) -> tuple[Array, Arra
         landing_samples: of a force on a tip, so many samples (LANDING_S at its rate) are looked at around
             what may be the knock of a tip that lands: it pushed the finger, and is no spike. 0: another one.
     """
-    if len(values) < 2 * SPIKE_NEIGHBOURS + 1 or not np.isfinite(values).all():
+    spikes, ends = _jutting(values)
+    if landing_samples and len(spikes):
+        spikes = spikes[~_lands(values, spikes, landing_samples)]
+    spikes = np.union1d(spikes, ends)
+    if not len(spikes) or len(spikes) > max(MOST_SPIKES_SHARE * len(values), 1.0):
         return values, NONE
+    return _on_a_line(values, spikes), spikes
+
+
+def knocks_of(force: Array, landing_samples: int) -> Array:
+    """What the knocks of a tip that lands add to a force, (n,); zero elsewhere.
+
+    They last a sample or two, and how hard they were is known no better than that.
+
+    Args:
+        landing_samples: as of :func:`without_spikes`, which has taken off what is none.
+    """
+    knocks, _ = _jutting(force)
+    knocks = knocks[_lands(force, knocks, landing_samples)] if len(knocks) else knocks
+    return force - _on_a_line(force, knocks) if len(knocks) else np.zeros_like(force)
+
+
+def _jutting(values: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Samples of a channel that stand far out of the line of their neighbours; those at its ends apart."""
+    if len(values) < 2 * SPIKE_NEIGHBOURS + 1 or not np.isfinite(values).all():
+        return NONE, NONE
     bend = np.abs(values[1:-1] - 0.5 * (values[2:] + values[:-2]))
     middle = len(bend) // 2
     scale = max(1.4826 * float(np.partition(bend, middle)[middle]), smallest_step(values))
     suspects = np.flatnonzero(bend > 0.5 * LEAST_SPIKE * scale) + 1
     if not len(suspects) or not scale > 0:
-        return values, NONE
+        return NONE, NONE
     ends = np.concatenate((_jump(values[::-1], scale), len(values) - 1 - _jump(values, scale)))
     # A spike bends the line at its neighbours, too; which of them it is, those further off say.
     around = np.concatenate((np.arange(-SPIKE_NEIGHBOURS, 0), np.arange(1, SPIKE_NEIGHBOURS + 1)))
@@ -154,18 +179,17 @@ def without_spikes(values: Array, landing_samples: int = 0) -> tuple[Array, Arra
     spikes = suspects[(off > LEAST_SPIKE * scale) & (off > LEAST_SPIKE_LOCALLY * local)]
     # So many in a row are a pulse that was measured: a rotor catching up with a cable that hung loose.
     rows = np.split(spikes, np.flatnonzero(np.diff(spikes) > 1) + 1)
-    spikes = np.concatenate([row for row in rows if len(row) < PULSE_SAMPLES] or [NONE])
-    if landing_samples and len(spikes):
-        spikes = spikes[~_lands(values, spikes, landing_samples)]
-    spikes = np.union1d(spikes, ends)
-    if not len(spikes) or len(spikes) > max(MOST_SPIKES_SHARE * len(values), 1.0):
-        return values, NONE
+    return np.concatenate([row for row in rows if len(row) < PULSE_SAMPLES] or [NONE]), ends
+
+
+def _on_a_line(values: Array, places: NDArray[np.intp]) -> Array:
+    """The values with those at some places on the line between their neighbours, (n,)."""
     good = np.ones(len(values), dtype=bool)
-    good[spikes] = False
+    good[places] = False
     kept = np.flatnonzero(good)
     repaired = values.copy()
-    repaired[spikes] = np.interp(spikes, kept, values[kept])
-    return repaired, spikes
+    repaired[places] = np.interp(places, kept, values[kept])
+    return repaired
 
 
 def _lands(values: Array, spikes: Array, samples: int) -> BoolArray:
@@ -173,9 +197,13 @@ def _lands(values: Array, spikes: Array, samples: int) -> BoolArray:
     low, high = np.quantile(values, (0.02, 0.98))
     pressing = low + PRESSING_SHARE * (high - low)
     around = np.arange(1, samples + 1)
-    before = np.median(values[np.maximum(spikes[:, None] - around - 1, 0)], axis=1)
+    last = values[np.maximum(spikes[:, None] - around - 1, 0)]
+    before = np.median(last, axis=1)
+    scatter = 1.4826 * np.median(np.abs(last - before[:, None]), axis=1)
     after = np.median(values[np.minimum(spikes[:, None] + around + 1, len(values) - 1)], axis=1)
-    return np.asarray((before < pressing) & (after > pressing))
+    # However lightly it presses at first: the spike of a cable leaves the load cell as it was.
+    touching = (after > pressing) | (after - before > LANDED_SCATTERS * scatter)
+    return np.asarray((before < pressing) & touching)
 
 
 def _jump(values: Array, scale: float) -> NDArray[np.intp]:

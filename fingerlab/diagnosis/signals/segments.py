@@ -48,6 +48,7 @@ from fingerlab.diagnosis.signals.filters import (
     derivative_kernels,
     differentiate,
     is_wide_rate,
+    knocks_of,
     lost,
     readings_of,
     usual_wait,
@@ -245,7 +246,7 @@ def _motion(
     wide = rate if is_wide_rate(rate) else WIDE_RATE_HZ
     behind = lead // step if is_wide_rate(rate) else math.ceil(lead / run.sample_rate_hz * wide)
     position, torque = read("motor_position"), read("motor_torque")
-    joints = force = load = None
+    joints = force = knocks = load = None
     turned, told = False, 0
     if on_bench:
         load = read("load_torque")[0] if run.has("load_torque") else np.zeros(position.shape[1])
@@ -255,7 +256,7 @@ def _motion(
     else:
         mcp, pip = read("mcp_angle"), read("pip_angle")
         joints = JointMotion(mcp[0], pip[0], mcp[1], pip[1], mcp[2], pip[2])
-        force = _force(run, samples, lead, kernels, step)
+        force, knocks = _force(run, samples, lead, kernels, step)
     start = (first + len(kernels) // 2) / run.sample_rate_hz
     return Motion(
         phase=run.phase,
@@ -270,6 +271,7 @@ def _motion(
         finger=None if on_bench else rig.finger,
         joints=joints,
         force=force,
+        knocks=knocks,
         load=load,
         revolute=not rig.line_radius and scales_of(run).angle == 1.0,
         lead=behind,
@@ -355,10 +357,15 @@ def _beside(columns: Array, values: Array) -> Array:
     return np.asarray(values - columns @ np.linalg.lstsq(columns, values, rcond=None)[0])
 
 
-def _force(run: Run, samples: Mapping[str, Array], lead: int, kernels: Array, step: int) -> Array | None:
-    """Contact force, N; None in free motion, where the load cell shows only its noise."""
+def _force(
+    run: Run, samples: Mapping[str, Array], lead: int, kernels: Array, step: int
+) -> tuple[Array | None, Array | None]:
+    """Contact force, and what the knocks of a landing tip add to it, N; None in free motion, or without any.
+
+    In free motion the load cell shows only its noise.
+    """
     if run.phase != "contact":
-        return None
+        return None, None
     if not run.has("endpoint_force"):
         raise UserError(
             f"Run {run.name} is a contact run without 'endpoint_force'; it needs the load cell's force in N."
@@ -369,8 +376,15 @@ def _force(run: Run, samples: Mapping[str, Array], lead: int, kernels: Array, st
             f"Run {run.name} is a contact run, but 'endpoint_force' holds values that are not numbers; "
             "it needs the load cell's force in N."
         )
-    narrow = differentiate(corrected(run, "endpoint_force", np.nan_to_num(values)), kernels[:, :1], step)
-    return np.asarray(at_wide_rate(narrow, run.sample_rate_hz / step)[0])
+    rate = run.sample_rate_hz
+
+    def narrowed(force: Array) -> Array:
+        narrow = differentiate(force, kernels[:, :1], step)
+        return np.asarray(at_wide_rate(narrow, rate / step)[0])
+
+    values = corrected(run, "endpoint_force", np.nan_to_num(values))
+    knocks = knocks_of(values, math.ceil(LANDING_S * rate))
+    return narrowed(values), narrowed(knocks) if knocks.any() else None
 
 
 @dataclass(frozen=True)
