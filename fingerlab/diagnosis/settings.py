@@ -588,7 +588,7 @@ PRIOR_NOTHING, PRIOR_UNKNOWN, PRIOR_EFFECTS = 0.5, 0.05, 0.45
 catalogue together; assumed."""
 TRACE_STRENGTH = 0.03
 """Below this share of its typical strength an effect is a trace, which plain benches have, too: friction that
-grows with load of 0.07 % was told as missing of one. Of what blind trials hid nothing came out below a fifth."""
+grows with load of 0.07 % was told of one. Of what blind trials hid nothing came out below a fifth."""
 SET_PROBABILITY = 0.95
 """The set holds effects until they have this probability together, if one of them is missing."""
 SET_LOG_ODDS = 3.0
@@ -659,6 +659,9 @@ MOST_UNDETECTED = 0.95
 TOLD_ODDS = 10.0
 """So much likelier than nothing an effect must be to be told as missing by what the rig's constants say
 alone; assumed: of 18 plain benches the likeliest was a third as likely as nothing."""
+STRANGE_CONSTANTS = 17.0
+"""Chi-square of a rig's constants, of which a finger's model has nine, beyond which they are strange: 5 % of
+true models have more."""
 CONSTANTS_SPEAK = 6.0
 """From so much in chi-square on it is said that constants of the rig speak for an effect: 3 nats."""
 

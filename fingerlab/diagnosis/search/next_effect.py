@@ -37,6 +37,8 @@ from fingerlab.diagnosis.settings import (
     SCREEN_ITERATIONS,
     SCREEN_SHARE,
     SET_LOG_ODDS,
+    STRANGE_CONSTANTS,
+    USUAL_ITERATIONS,
     WEAK_PRIOR,
 )
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
@@ -213,6 +215,12 @@ def screen(
             others += [i for i in test.best_of_possible(effect, point.shape) if i not in others]
             tried = [scorer.fit([*given, Choice(effect, i)], base, SCREEN_ITERATIONS) for i in others]
             fitted = min([fitted, *tried], key=_cost)
+        if base.constants_off > STRANGE_CONSTANTS:
+            # They may have gone so far for want of the effect that no step beside it leads them back.
+            anew = scorer.fit_same_law(
+                fitted.choices, None, USUAL_ITERATIONS, base.weights, base.model.tip_law
+            )
+            fitted = min(fitted, anew, key=_cost)
         # Without the effect the tip may have seemed to do what it does not.
         candidates.append(off_its_bounds(scorer, scorer.with_best_law(fitted, SCREEN_ITERATIONS)))
     return sorted(candidates, key=_cost)

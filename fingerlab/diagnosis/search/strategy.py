@@ -240,8 +240,19 @@ def _with_what_could_hide(found: Found) -> Found:
     told = with_undetected(evidence)
     if told.verdict == evidence.verdict:
         return replace(found, evidence=told)
+    # How far constants of the rig are off is told by fits that have ended, of every effect.
+    ended = (one if one.held_out else _ended(scorer, one) for one in evidence.candidates)
+    told = with_undetected(replace(evidence, candidates=tuple(ended)))
+    if told.verdict == evidence.verdict:
+        return replace(found, evidence=told)
     missing = scorer.with_sensitivity(scorer.score_held_out(told.best))
     return replace(found, evidence=told, path=[evidence.base, missing], refined=None, looked_at={})
+
+
+def _ended(scorer: Scorer, fitted: FittedModel) -> FittedModel:
+    """A model of which only a few steps were taken, fitted to the end."""
+    again = scorer.fit(fitted.choices, fitted, FULL_ITERATIONS)
+    return scorer.with_sensitivity(scorer.score_held_out(again))
 
 
 def _in_floors(question: Question, found: Found) -> Found:
