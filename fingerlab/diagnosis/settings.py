@@ -384,6 +384,8 @@ AS_WELL_TOLD = 3.0
 """Nats up to which the joints' zeros may have moved instead of the motor's, or the other way: 20 to 1."""
 REPORTED_OFFSET = 3.0
 """A zero is said to move that moves by so many times what it is known to; assumed."""
+REPORTED_KNOCK = 0.1
+"""Share by which a knock was harder or weaker than it was read from which on it is told; assumed."""
 REPORTED_ONE_SIDED = 0.1
 """Share of a motor's friction from which on a constant torque may be more of it in one direction; assumed."""
 REPORTED_SHARE = 0.4

@@ -45,6 +45,7 @@ TITLES = {
     "rotor_inertia": ("Motor inertia, off by", "kg m^2"),
     "torque_gain": ("Motor torque, reads too high by", "%"),
     "force_gain": ("Load cell's gain, off by", "%"),
+    "knock_gain": ("Knock of the tip that lands, harder by", "%"),
     "load_gain": ("Known load, off by", "%"),
     "trace_mcp": ("Trace of viscous friction at the MCP", "N m s/rad"),
     "trace_pip": ("Trace of viscous friction at the PIP", "N m s/rad"),

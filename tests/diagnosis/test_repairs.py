@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from fingerlab.diagnosis import diagnose
-from fingerlab.diagnosis.settings import LANDING_S
 from fingerlab.diagnosis.signals.filters import (
     BRIDGED,
     CUT_OUT,
@@ -16,6 +15,7 @@ from fingerlab.diagnosis.signals.filters import (
     at_even_times,
     between_readings,
     bridged,
+    landing_samples,
     readings_of,
     usual_wait,
     without_spikes,
@@ -74,12 +74,12 @@ def test_the_knock_of_a_tip_that_lands_is_no_spike() -> None:
         force[at : at + 2] += 2.0
     glitch = int(landings[3]) + rate // 8
     force[glitch] += 2.0
-    kept, spikes = without_spikes(force, round(LANDING_S * rate))
+    kept, spikes = without_spikes(force, landing_samples(rate))
     assert spikes.tolist() == [glitch]
     assert kept[landings] == pytest.approx(force[landings])
     assert len(without_spikes(force)[1]) > len(landings)  # of another channel each is one
     force[-3:] = 1000.0  # a stop at the end of the log, with the tip clear before, is none all the same
-    assert without_spikes(force, round(LANDING_S * rate))[1].tolist() == [glitch, *range(9997, 10_000)]
+    assert without_spikes(force, landing_samples(rate))[1].tolist() == [glitch, *range(9997, 10_000)]
 
 
 def test_a_clean_channel_is_left_as_it_is() -> None:

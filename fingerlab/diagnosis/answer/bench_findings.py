@@ -13,7 +13,7 @@ from fingerlab.diagnosis.answer.runs_left_aside import named_runs, runs_left_asi
 from fingerlab.diagnosis.equations.coefficients import DELAY
 from fingerlab.diagnosis.equations.features import Layout
 from fingerlab.diagnosis.equations.model import Choice
-from fingerlab.diagnosis.equations.parameters import OF_CONSTANT, RIG_CONSTANTS, TORQUE_LAG
+from fingerlab.diagnosis.equations.parameters import KNOCK_GAIN, OF_CONSTANT, RIG_CONSTANTS, TORQUE_LAG
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.gram.run_constants import SOURCES, Offsets
 from fingerlab.diagnosis.score.fitted_model import FittedModel, at_bound, at_found_shapes
@@ -29,6 +29,7 @@ from fingerlab.diagnosis.settings import (
     LEFT_BEYOND_TOLERANCE,
     LONGEST_STRETCH_S,
     NEARLY_RIGHT,
+    REPORTED_KNOCK,
     REPORTED_OFFSET,
     REPORTED_ONE_SIDED,
     REPORTED_SHARE,
@@ -79,6 +80,7 @@ def bench_findings(
         *_moved(reduction, offsets),
         *_skew(reduction, last),
         *_readings(reduction, last),
+        *_knocks(last),
         *_rig_constants(reduction, last),
         *_inertia_alone(reduction, last),
         *_constant_torque(reduction, last),
@@ -207,6 +209,22 @@ def _late_read(name: str, late: float) -> BenchFinding:
         said += f", as behind a first-order filter of {_number(1.0 / (2.0 * np.pi * late))} Hz"
     said, advice = f"{said}; it is corrected for that", f"{advice}, or correct its times"
     return BenchFinding("skew", CHANNELS[name][0], late, "s", (), said, advice)
+
+
+def _knocks(last: FittedModel) -> list[BenchFinding]:
+    """Knocks of a tip that lands which were not as hard as the load cell's few samples of them say."""
+    place = last.model.index.get(KNOCK_GAIN)
+    if place is None:
+        return []
+    harder, unsure = float(last.fit.values[place]), float(last.fit.deviations[place])
+    if abs(harder) < max(REPORTED_KNOCK, REPORTED_OFFSET * unsure):
+        return []
+    said = (
+        "Where the tip lands, it knocks on the load cell for a sample or two, "
+        f"{fixed(1.0 + harder, 2)} times as hard as these say, as the joints tell; that is taken into account"
+    )
+    advice = "sample the force faster, filter it before it is sampled, or let the tip land more slowly"
+    return [BenchFinding("knock", FORCE, 1.0 + harder, "1", (), said, advice)]
 
 
 def _rig_constants(reduction: Reduction, last: FittedModel) -> list[BenchFinding]:

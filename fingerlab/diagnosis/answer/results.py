@@ -154,6 +154,7 @@ FINDINGS = {
     "skew": "skew",
     "turned": "sense",
     "scale": "unit",
+    "knock": "outliers",
     "rig_constant": "unit",
     "missing_channel": "dead_channel",
     "odd_run": "outliers",
@@ -167,7 +168,7 @@ class BenchFinding:
 
     Attributes:
         kind: "moving_zero", "zero", "spikes", "lost_samples", "uneven_times", "held", "skew", "turned",
-            "scale", "rig_constant", "missing_channel", "odd_run".
+            "scale", "knock", "rig_constant", "missing_channel", "odd_run".
         channel: that it is about, or "rig". size: how much of it, in ``unit``. runs: that show it.
         sentence: what was found. advice: what to do about it; both without a full stop.
     """

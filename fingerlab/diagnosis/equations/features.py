@@ -124,6 +124,7 @@ class Layout:
     signals: IntArray = field(repr=False)  # (features,): which signal a feature is; some are the same one
     arm_spread: float = USUAL_SPREAD  # of the ratio of flexion to extension arms
     scales: Scales = SI  # the reduced units in which all of it is told
+    knocks: bool = False  # whether a tip that lands knocks on the load cell in any run
     late_torque: bool = False  # whether the torque of a motor alone may be logged later than its position
 
     @cached_property

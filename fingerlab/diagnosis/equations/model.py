@@ -13,6 +13,7 @@ from fingerlab.diagnosis.equations.coefficients import DELAY, NO_SHIFT, SLOPE, C
 from fingerlab.diagnosis.equations.features import Feature, FeatureSet, Layout
 from fingerlab.diagnosis.equations.parameters import (
     ARMS,
+    KNOCK_GAIN,
     SET_DOWN,
     TIP_LAWS,
     TORQUE_LAG,
@@ -196,6 +197,7 @@ def build(
     """The model with the nominal equations, all nuisances (one law of the tip), and the chosen effects."""
     absent = {name for law, names in TIP_LAWS.items() if law != tip_law for name in names}
     absent |= set() if layout.late_torque else {TORQUE_LAG, TORQUE_LAG_SQUARE}
+    absent |= set() if layout.knocks else {KNOCK_GAIN}
     special = {c.effect.special for c in choices}
     relaxed = {name: gain for c in choices for name, gain in c.effect.relaxes.items()}
     delayed = "delay" in special

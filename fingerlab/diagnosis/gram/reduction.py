@@ -328,7 +328,9 @@ class Reduction(Recordings):
             beside = len(set(kinds)) == 2
             speed = self._speed if self.on_bench else 0.0
             found = layout_of(motion.head(), session, effects, beside, speed, self._tip_sticks)
-            layouts[on_bench] = replace(found, scales=self.scales, late_torque=self.late_torque)
+            layouts[on_bench] = replace(
+                found, scales=self.scales, late_torque=self.late_torque, knocks=self._knocks
+            )
         return layouts
 
     def _reduced(

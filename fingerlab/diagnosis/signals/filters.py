@@ -14,6 +14,7 @@ friction; formed at 40 Hz it does not.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from functools import lru_cache
 from typing import Any
@@ -26,6 +27,7 @@ from fingerlab.diagnosis.settings import (
     END_JUMP,
     JUMP_STEPS,
     LANDED_SCATTERS,
+    LANDING_S,
     LEAST_JITTER,
     LEAST_JUMPS,
     LEAST_SPIKE,
@@ -46,7 +48,7 @@ from fingerlab.diagnosis.settings import (
     WIDE_RATE_HZ,
 )
 from fingerlab.diagnosis.signals.encoder import smallest_step
-from fingerlab.sessions.model import Array, BoolArray
+from fingerlab.sessions.model import Array, BoolArray, IntArray
 
 Repair = tuple[str, str]
 """What was put right, and the channel: samples are counted by both."""
@@ -130,36 +132,41 @@ def lost(time: Array, rate: float) -> dict[Repair, int]:
     return {what: int(count) for what, count in counts.items() if count}
 
 
-def without_spikes(values: Array, landing_samples: int = 0) -> tuple[Array, Array]:
+def landing_samples(rate: float) -> int:
+    """Over how many samples before and behind it a knock is asked whether a tip lands, at ``rate``, Hz."""
+    return math.ceil(LANDING_S * rate)
+
+
+def without_spikes(values: Array, around: int = 0) -> tuple[Array, IntArray]:
     """A channel with its spikes on the line between their neighbours, and where they were, (spikes,).
 
     Args:
-        landing_samples: of a force on a tip, so many samples (LANDING_S at its rate) are looked at around
+        around: of a force on a tip, so many samples (:func:`landing_samples`) are looked at around
             what may be the knock of a tip that lands: it pushed the finger, and is no spike. 0: another one.
     """
     spikes, ends = _jutting(values)
-    if landing_samples and len(spikes):
-        spikes = spikes[~_lands(values, spikes, landing_samples)]
+    if around and len(spikes):
+        spikes = spikes[~_lands(values, spikes, around)]
     spikes = np.union1d(spikes, ends)
     if not len(spikes) or len(spikes) > max(MOST_SPIKES_SHARE * len(values), 1.0):
         return values, NONE
     return _on_a_line(values, spikes), spikes
 
 
-def knocks_of(force: Array, landing_samples: int) -> Array:
+def knocks_of(force: Array, around: int) -> Array:
     """What the knocks of a tip that lands add to a force, (n,); zero elsewhere.
 
     They last a sample or two, and how hard they were is known no better than that.
 
     Args:
-        landing_samples: as of :func:`without_spikes`, which has taken off what is none.
+        around: as of :func:`without_spikes`, which has taken off what is none.
     """
     knocks, _ = _jutting(force)
-    knocks = knocks[_lands(force, knocks, landing_samples)] if len(knocks) else knocks
+    knocks = knocks[_lands(force, knocks, around)] if len(knocks) else knocks
     return force - _on_a_line(force, knocks) if len(knocks) else np.zeros_like(force)
 
 
-def _jutting(values: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def _jutting(values: Array) -> tuple[IntArray, IntArray]:
     """Samples of a channel that stand far out of the line of their neighbours; those at its ends apart."""
     if len(values) < 2 * SPIKE_NEIGHBOURS + 1 or not np.isfinite(values).all():
         return NONE, NONE
@@ -182,7 +189,7 @@ def _jutting(values: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     return np.concatenate([row for row in rows if len(row) < PULSE_SAMPLES] or [NONE]), ends
 
 
-def _on_a_line(values: Array, places: NDArray[np.intp]) -> Array:
+def _on_a_line(values: Array, places: IntArray) -> Array:
     """The values with those at some places on the line between their neighbours, (n,)."""
     good = np.ones(len(values), dtype=bool)
     good[places] = False
@@ -192,7 +199,7 @@ def _on_a_line(values: Array, places: NDArray[np.intp]) -> Array:
     return repaired
 
 
-def _lands(values: Array, spikes: Array, samples: int) -> BoolArray:
+def _lands(values: Array, spikes: IntArray, samples: int) -> BoolArray:
     """Which of them are the knock of a tip that was clear of the load cell and presses it then, (spikes,)."""
     low, high = np.quantile(values, (0.02, 0.98))
     pressing = low + PRESSING_SHARE * (high - low)
@@ -206,7 +213,7 @@ def _lands(values: Array, spikes: Array, samples: int) -> BoolArray:
     return np.asarray((before < pressing) & touching)
 
 
-def _jump(values: Array, scale: float) -> NDArray[np.intp]:
+def _jump(values: Array, scale: float) -> IntArray:
     """How far from the end a channel has jumped away in its last samples: 0 is the last, (samples,).
 
     A log that ends in a stop, or begins with a switch, shows a pulse of which nobody sees the other side.
@@ -247,7 +254,7 @@ def usual_wait(values: Array, most: float) -> int:
     return int(np.median(waits))
 
 
-def readings_of(values: Array, usual: int) -> NDArray[np.intp]:
+def readings_of(values: Array, usual: int) -> IntArray:
     """Where a channel was read, (readings,), of which most are ``usual`` samples apart: where it moves on.
 
     What stands still was read all the while, also before it first moves and after it last does.
@@ -259,7 +266,7 @@ def readings_of(values: Array, usual: int) -> NDArray[np.intp]:
     return np.unique(np.concatenate((np.arange(new[0] - usual, -1, -usual), new, *still)))
 
 
-def between_readings(values: Array, readings: NDArray[np.intp], count: int) -> Array:
+def between_readings(values: Array, readings: IntArray, count: int) -> Array:
     """A cubic spline (not-a-knot) through a channel's ``values`` at its ``readings``, (count,).
 
     Before the first reading and after the last it goes on straight.

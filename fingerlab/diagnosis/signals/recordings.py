@@ -44,7 +44,7 @@ from fingerlab.diagnosis.signals.scales import (
     reduced_sessions,
 )
 from fingerlab.diagnosis.signals.segments import is_fragmented, is_read_at_once, segments_of, with_drive_sign
-from fingerlab.diagnosis.signals.tip_travel import tips_stick
+from fingerlab.diagnosis.signals.tip_travel import knocks_at_landing, tips_stick
 from fingerlab.physics.motion import Motion
 from fingerlab.rig.file import UNCHANGED, Intervention, Rig, intervention_of
 from fingerlab.sessions.model import Run, Session
@@ -228,6 +228,11 @@ class Recordings:
     def _tip_sticks(self) -> bool:
         """Whether no run in contact shows a tip that slides."""
         return tips_stick(self.pairs)
+
+    @cached_property
+    def _knocks(self) -> bool:
+        """Whether a tip that lands knocks on the load cell in any run."""
+        return any(knocks_at_landing(run) for _, run in self.pairs)
 
     def correct_readings(self, errors: ReadingErrors) -> bool:
         """Take these errors off the channels' readings, and what the load cell reads in the air.

@@ -20,7 +20,6 @@ from fingerlab.diagnosis.settings import (
     AT_ONCE_STEP_S,
     CLEARLY_HELPING,
     CONTRADICTED,
-    LANDING_S,
     LEAST_RUBBING,
     LONGEST_STRETCH_S,
     MOVED_DEG,
@@ -49,6 +48,7 @@ from fingerlab.diagnosis.signals.filters import (
     differentiate,
     is_wide_rate,
     knocks_of,
+    landing_samples,
     lost,
     readings_of,
     usual_wait,
@@ -59,7 +59,7 @@ from fingerlab.diagnosis.signals.scales import LEAST_SECONDS, as_recorded, reduc
 from fingerlab.physics.motion import Motion
 from fingerlab.physics.nominal import JointMotion
 from fingerlab.rig.file import Rig
-from fingerlab.sessions.model import Array, Run, whole_pieces
+from fingerlab.sessions.model import Array, IntArray, Run, whole_pieces
 
 
 def segments_of(run: Run, rig: Rig) -> Iterator[Motion]:
@@ -172,8 +172,8 @@ def _without_gaps(run: Run, rig: Rig, start: int, stop: int, on_bench: bool, lea
         for name in names:
             if name != "endpoint_force":
                 _check_numbers(run, name, mine[name], start - lead + piece.start)
-            landing_s = LANDING_S if name == "endpoint_force" else 0.0
-            mine[name], spikes, repeated = _repaired(mine[name], run.sample_rate_hz, its_lead, landing_s)
+            around = landing_samples(run.sample_rate_hz) if name == "endpoint_force" else 0
+            mine[name], spikes, repeated = _repaired(mine[name], run.sample_rate_hz, its_lead, around)
             if name == "motor_position":
                 mine[name] = between_counts(mine[name], step, run.sample_rate_hz)
             repairs |= {(REPEATED, name): repeated} if repeated else {}
@@ -193,12 +193,11 @@ def _without_gaps(run: Run, rig: Rig, start: int, stop: int, on_bench: bool, lea
         )
 
 
-def _repaired(values: Array, rate: float, lead: int, landing_s: float) -> tuple[Array, Array, int]:
+def _repaired(values: Array, rate: float, lead: int, around: int) -> tuple[Array, IntArray, int]:
     """A channel without spikes and steps; where spikes were, and how many samples behind the lead repeat.
 
-    ``landing_s``: how long the force is looked at around what may be a tip that lands; 0: no force.
+    ``around``: so many samples of a force are looked at around what may be a tip that lands; 0: no force.
     """
-    around = math.ceil(landing_s * rate)
     usual = usual_wait(values, rate / NARROW_RATE_HZ) if np.isfinite(values).all() else 1
     if usual == 1:
         return *without_spikes(values, around), 0
@@ -383,7 +382,7 @@ def _force(
         return np.asarray(at_wide_rate(narrow, rate / step)[0])
 
     values = corrected(run, "endpoint_force", np.nan_to_num(values))
-    knocks = knocks_of(values, math.ceil(LANDING_S * rate))
+    knocks = knocks_of(values, landing_samples(rate))
     return narrowed(values), narrowed(knocks) if knocks.any() else None
 
 

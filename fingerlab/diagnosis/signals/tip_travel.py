@@ -20,6 +20,7 @@ from fingerlab.diagnosis.settings import (
     TIP_AVERAGE_S,
     TIP_STIFFNESS,
 )
+from fingerlab.diagnosis.signals.filters import knocks_of, landing_samples
 from fingerlab.diagnosis.signals.reading_errors import FORCE, MCP, PIP
 from fingerlab.rig.file import Finger
 from fingerlab.sessions.model import Array, BoolArray, Run, Session
@@ -101,3 +102,11 @@ def tips_stick(pairs: Iterable[tuple[Session, Run]]) -> bool:
         most = MOST_TIP_FRICTION * tip.load / TIP_STIFFNESS
         found.append(float(high - low) < most + LEAST_TIP_TRAVEL_M)
     return bool(found) and all(found)
+
+
+def knocks_at_landing(run: Run) -> bool:
+    """Whether a tip knocks on the load cell where it lands, in the first minute of a run."""
+    if run.phase != "contact" or not run.has(FORCE):
+        return False
+    force = run.load([FORCE], 0, int(LONGEST_STRETCH_S * run.sample_rate_hz))[FORCE]
+    return bool(knocks_of(force, landing_samples(run.sample_rate_hz)).any())
