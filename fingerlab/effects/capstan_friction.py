@@ -23,6 +23,7 @@ from fingerlab.effects.transmission import (
     DRIVE,
     MOST_SHARE,
     SHARES,
+    SHORT_AND_WINDING_TRAVELS_DEG,
     USUAL_STICKING_DEG,
     WINDING_TRAVELS_DEG,
     pull_terms,
@@ -78,22 +79,28 @@ def _sheath_closer(shape: Shape) -> Sequence[Shape]:
     around = [factor * travel for factor in OCTAVE] if shape["held"] else OTHER_HELD_TRAVELS_DEG
     held = either("travel_deg", around)
     sharp = shape.get("sharpness", 0.0)
-    many = USUAL_STICKING_DEG if shape["held"] else travel * (1.0 + sharp) / 2.0
+    if shape["held"]:
+        many, over = USUAL_STICKING_DEG, either("travel_deg", SHORT_AND_WINDING_TRAVELS_DEG)
+    else:
+        many, over = travel / (1.0 + sharp), times("travel_deg", HALF_OCTAVE)
     following = _sheath(many, 1.0)
-    # What winds up as one spring and lets go all at once does so over twice the travel that reverses 63 %.
+    # What winds up as one spring and lets go all at once does so over twice the travel that reverses 63 %,
+    # and what lets go part by part over half as much again.
     as_one = {
         **following,
         "sharpness": 1.0,
         "travel_deg": 2.0 * many,
         "stretch_behind": shape["stretch_behind"],
     }
+    evenly = {**as_one, "sharpness": 0.5, "travel_deg": 1.5 * many}
     behind = either("stretch_behind", (1.0, 0.0))
     speeds = [factor * shape[REVERSAL_SPEED] for factor in FINEST_OCTAVE] if by_speed else FINGER_SPEEDS
     shapes = [
         *every(held, behind)(_sheath(travel, 1.0, held=1.0)),
         _sheath(travel, stretch_behind=0.5, held=1.0),
-        *every(times("travel_deg", HALF_OCTAVE), behind)(following),
-        *times("travel_deg", FINEST_OCTAVE if sharp and not shape["held"] else HALF_OCTAVE)(as_one),
+        *every(over, behind)(following),
+        *times("travel_deg", HALF_OCTAVE)(evenly),
+        *times("travel_deg", FINEST_OCTAVE if sharp == 1.0 and not shape["held"] else HALF_OCTAVE)(as_one),
         *every(either(REVERSAL_SPEED, speeds), behind)({"stretch_behind": 1.0, "held": 0.0}),
     ]
     found = {name: shape[name] for name in FOLLOWING if name in shape}

@@ -18,7 +18,7 @@ from fingerlab.effects.base import (
     rubbing,
     times,
 )
-from fingerlab.effects.transmission import WINDING_TRAVELS_DEG, drive_state, drive_terms
+from fingerlab.effects.transmission import SHORT_AND_WINDING_TRAVELS_DEG, drive_state, drive_terms
 from fingerlab.physics.friction_states import friction_state, rubbing_forces
 from fingerlab.physics.motion import Motion
 from fingerlab.physics.parameter import Parameter
@@ -40,7 +40,7 @@ DAMPINGS_S = (0.002, 0.006)
 
 SHAPES = (
     *({"travel_deg": value, "sharpness": 1.0, "held": 1.0} for value in HELD_TRAVELS_DEG),
-    *({"travel_deg": value, "sharpness": 0.0, "held": 0.0} for value in WINDING_TRAVELS_DEG[::2]),
+    *({"travel_deg": value, "sharpness": 0.0, "held": 0.0} for value in SHORT_AND_WINDING_TRAVELS_DEG[::2]),
 )
 
 
@@ -90,7 +90,7 @@ def _closer(shape: Shape) -> list[Shape]:
     undamped = {name: value for name, value in shape.items() if name != STICK_DAMPING}
     held, following = {**undamped, "held": 1.0}, {**undamped, "held": 0.0}
     if shape.get("held", 1.0):
-        others = [{**following, "travel_deg": t, "sharpness": 0.0} for t in WINDING_TRAVELS_DEG]
+        others = [{**following, "travel_deg": t, "sharpness": 0.0} for t in SHORT_AND_WINDING_TRAVELS_DEG]
         return [*rubbing(OCTAVE[1:-1])(held), *_damped_contact(shape), *others]
     others = [{**held, "travel_deg": t, "sharpness": 1.0} for t in HELD_TRAVELS_DEG]
     return [*rubbing(by_speed=True)(following), *others]

@@ -26,6 +26,8 @@ from fingerlab.sessions.model import CABLE_SIGN, Array
 WINDING_TRAVELS_DEG = (0.15, 0.21, 0.3, 0.42, 0.6, 0.84)
 """Travel over which friction of motor or sheath reverses by 63 %, degrees at the pulley: from a few steps of
 the encoder to the wind-up of a gearbox; assumed."""
+SHORT_AND_WINDING_TRAVELS_DEG = (0.05, 0.1, *WINDING_TRAVELS_DEG)
+"""... of what follows the load at once, as hard teeth or a stiff cable in a hard sheath do, too; assumed."""
 USUAL_STICKING_DEG = 0.3
 WINDING_SHAPES = tuple({"travel_deg": value} for value in WINDING_TRAVELS_DEG)
 MOTOR_ALONE_SHAPES = (
