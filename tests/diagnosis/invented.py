@@ -24,7 +24,17 @@ def leaving(left: float, *effects: str) -> FittedModel:
     fit = Fit(np.ones(len(keys)), np.eye(len(keys)), misfit)
     last_gains = list(choices[-1].effect.gains) if choices else []
     index = {key: i for i, key in enumerate(keys)}
-    model = SimpleNamespace(choices=choices, index=index, last_gains=last_gains)
+    gains = [(c.effect.id, name, gain) for c in choices for name, gain in c.effect.gains.items()]
+    features = [SimpleNamespace(parameter=name) for _, name, _ in gains]
+    unknowns = [SimpleNamespace(effect=owner, parameter=gain) for owner, _, gain in gains]
+
+    def indices(owner: str, shape: int) -> list[int]:
+        return [i for i, (mine, _, _) in enumerate(gains) if mine == owner]
+
+    layout = SimpleNamespace(features=features, indices=indices)
+    model = SimpleNamespace(
+        choices=choices, index=index, last_gains=last_gains, layout=layout, unknowns=unknowns
+    )
     return FittedModel(cast(Any, model), fit, {}, misfits, held_out=True)
 
 
