@@ -218,13 +218,14 @@ def _print(result: Diagnosis, radius: float, budget: bool) -> None:
 
     from fingerlab.diagnosis.score.calibration import Verdict
     from fingerlab.report import diagnosis_words as words
+    from fingerlab.report.line_units import LineUnits
     from fingerlab.report.line_words import arc_sentence
     from fingerlab.report.recording_words import next_experiment_sentence, paired_sentence
     from fingerlab.report.score_words import how_to_add, machine_sentence, path_sentence, score_words
 
-    console = table_console()
+    console, result = table_console(), LineUnits(radius).diagnosis(result)
     console.print(Text(f"\n{words.verdict_sentence(result)}\n", style="bold"))
-    console.print(_errors(result, radius))
+    console.print(_errors(result))
     if result.score_parts:
         console.print(Text(score_words(result)))
     console.print()
@@ -286,19 +287,16 @@ def _print_budget(console: Console, result: Diagnosis) -> None:
     console.print()
 
 
-def _errors(result: Diagnosis, radius: float) -> Table:
+def _errors(result: Diagnosis) -> Table:
     from fingerlab.core.text import score_text
     from fingerlab.report.diagnosis_words import judged_on
-    from fingerlab.report.line_words import error_along_the_line, title_along_the_line
     from fingerlab.report.page_tables import error_rows
 
     title = f"Error on {judged_on(result).rstrip(',')}: {score_text(result.score)} times the floor"
     columns = ("equations", ">error (rms)", ">floor", "unit", ">error / floor", ">R2")
     table = result_table(*columns, box=None, pad_edge=False, title=title, title_style="")
-    errors = {name: error_along_the_line(error, radius) for name, error in result.errors.items()}
-    for row in error_rows(errors):
-        title = title_along_the_line(row.title, radius)
-        table.add_row(title, row.error, row.floor, row.unit, row.times, row.r2)
+    for row in error_rows(result.errors):
+        table.add_row(row.title, row.error, row.floor, row.unit, row.times, row.r2)
     return table
 
 

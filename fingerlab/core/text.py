@@ -180,6 +180,8 @@ def screen_unit(si: str, largest: float) -> ScreenUnit:
         return ScreenUnit("per turn", 1.0)
     if si == "m":
         return ScreenUnit("µm", 1e6) if 0 < largest < 2e-4 else ScreenUnit("mm", 1e3)
+    if si in ("m/s", "m/s^2", "m/s^3") and 0 < largest < 1.0:
+        return ScreenUnit("m" + _pretty(si), 1e3)
     if si.startswith(("m/N", "m s/N")):
         return ScreenUnit("µ" + _pretty(si), 1e6)
     if si == "rad" or si.startswith(("rad/", "rad ")):

@@ -142,7 +142,7 @@ def main_family(budgets: Mapping[str, Budget]) -> str:
 
     One that holds nothing to mend is asked for only where no other does.
     """
-    wanted = ("endpoint_force", "joint_torque", "motor_torque")
+    wanted = ("endpoint_force", "joint_torque", "motor_torque", "motor_force")
     order = [*(name for name in wanted if name in budgets), *(n for n in budgets if n not in wanted)]
     return next((name for name in order if worth_mending(budgets[name])), order[0])
 

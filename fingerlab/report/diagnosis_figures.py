@@ -48,6 +48,7 @@ from fingerlab.report.figure_style import (
     score_bars,
     titled,
 )
+from fingerlab.report.line_units import line_units
 from fingerlab.report.recording_words import recorded_words
 from fingerlab.sessions.model import Array, Session
 
@@ -254,8 +255,10 @@ def diagnosis_figures(diagnosis: Diagnosis, sessions: Sequence[Session] = ()) ->
     """By name: error path and budget, where the model fails and worst of all, the suspects' fingerprints.
 
     Where no effect is suspected, the fingerprint is that of the most probable one. Above each stands what it
-    shows, and of which sessions and model; ``sessions`` tell the day of recording as well.
+    shows, and of which sessions and model; ``sessions`` tell the day of recording as well, and whether the
+    axis is a linear one, whose figures are in units of the line.
     """
+    diagnosis = line_units(sessions).diagnosis(diagnosis)
     figures = {"error-path": path_figure(diagnosis.path, diagnosis.model)}
     titles = {"error-path": "Error path"}
     if diagnosis.budget:

@@ -21,6 +21,7 @@ FAMILY_TITLES = {
     "joint_torque": "Joint torque",
     "cable_kinematics": "Cable length",
     "motor_torque": "Motor torque",
+    "motor_force": "Motor force",
     "endpoint_force": "Endpoint force",
 }
 """Families of equations in an operator's words."""
@@ -226,7 +227,7 @@ def held_sentence(diagnosis: Diagnosis) -> str:
     """That all of it holds for what somebody held; empty where nothing was."""
     if not diagnosis.held:
         return ""
-    return f"All of this is with {held_words(diagnosis.held)}, by hand."
+    return f"All of this is with {held_words(diagnosis.held, diagnosis.line_radius)}, by hand."
 
 
 def _verdict_sentence(diagnosis: Diagnosis) -> str:

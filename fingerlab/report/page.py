@@ -44,6 +44,7 @@ from fingerlab.report.equation_text import (
     to_latex,
 )
 from fingerlab.report.figure_style import NamedFigure, Pictures, save_figures
+from fingerlab.report.line_units import line_units
 from fingerlab.report.line_words import arc_sentence
 from fingerlab.report.page_tables import calibration_rows, calibration_sentence, rig_hash, versions
 from fingerlab.report.pdf import pdf_of_page
@@ -149,8 +150,9 @@ class Page:
 
 def render(content: Content, progress: Progress) -> Page:
     """The page."""
-    sessions, diagnosis, analysis = content.sessions, content.diagnosis, content.analysis
-    radius = sessions[0].rig.line_radius
+    sessions, analysis, line = content.sessions, content.analysis, line_units(content.sessions)
+    diagnosis, models = line.diagnosis(content.diagnosis), [line.diagnosis(one) for one in content.models]
+    radius = line.radius
     pictures = Pictures(progress, _picture_count(diagnosis, analysis))
     title = " + ".join(dict.fromkeys(s.title or s.path.stem for s in sessions))
     templates = Environment(
@@ -169,9 +171,9 @@ def render(content: Content, progress: Progress) -> Page:
         diagnosis=diagnosis,
         how_judged=words.how_judged(diagnosis),
         judged_on=words.judged_on(diagnosis).rstrip(",") + ",",
-        story=story(content.models),
-        story_sentence=story_sentence(content.models),
-        story_errors=error_rows_of_story(content.models),
+        story=story(models),
+        story_sentence=story_sentence(models),
+        story_errors=error_rows_of_story(models),
         score_table=score_table(diagnosis),
         aside=aside_sentence(diagnosis),
         row_words=row_words(diagnosis),

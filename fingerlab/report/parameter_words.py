@@ -13,16 +13,20 @@ from fingerlab.core.text import (
     estimate_text,
     fixed,
     largest_of,
-    screen_unit,
     with_minus,
 )
 from fingerlab.diagnosis.equations.parameters import CHANGED_OFFSET, SLIPS
 from fingerlab.diagnosis.settings import MOST_CHANGES
 from fingerlab.effects import find_effect
+from fingerlab.report.line_units import LineUnits
 
 if TYPE_CHECKING:
     from fingerlab.diagnosis.answer.parameter_explorer import FittedParameter
 
+FAR = 1000.0
+"""Times value and interval, from which on a bound is none that a fit could meet."""
+TURNS = LineUnits()
+"""Units of an axis that turns, and of a finger."""
 GRIPS = ("soft", "middling", "stiff")
 """Of the tip that slides, by how stiffly it is held sideways: ``SLIP_STIFFNESSES``."""
 TITLES = {
@@ -133,11 +137,11 @@ def is_told(key: str, estimate: ParameterEstimate) -> bool:
     return key != "bench_gain" or estimate.value != 0.0
 
 
-def shown_unit(key: str, unit: str, largest: float) -> ScreenUnit:
+def shown_unit(key: str, unit: str, largest: float, line: LineUnits = TURNS) -> ScreenUnit:
     """The unit in which a parameter up to ``largest``, SI, is shown; a share off a constant in per cent."""
     if TITLES.get(key.partition("@")[0], ("", ""))[1] == "%":
         return ScreenUnit("%", 100.0)
-    return screen_unit("1" if unit == "tan" else unit, largest)
+    return line.screen("1" if unit == "tan" else unit, largest)
 
 
 def value_words(key: str, estimate: ParameterEstimate) -> str:
@@ -156,13 +160,18 @@ def _unit(key: str) -> str:
     return TITLES.get(key.partition("@")[0], ("", "1"))[1].replace("%", "1")
 
 
-def held_words(held: Mapping[str, float]) -> str:
-    """``MCP friction torque held at 4 mN m``; empty: nothing is held."""
-    said = []
+def held_words(held: Mapping[str, float], radius: float = 0.0) -> str:
+    """``MCP friction torque held at 4 mN m``; empty: nothing is held.
+
+    Args:
+        held: by key, SI. radius: of the arc as which a linear axis is told, m; 0: it turns.
+    """
+    said, line = [], LineUnits(radius)
     for key, value in held.items():
-        title = parameter_title(key, list(held))
+        title = line.title(parameter_title(key, list(held)))
         title = title if title.startswith(("MCP", "PIP")) else title[:1].lower() + title[1:]
-        said.append(f"{title} held at {value_words(key, ParameterEstimate(value, _unit(key), value, value))}")
+        found = line.estimate(ParameterEstimate(value, _unit(key), value, value))
+        said.append(f"{title} held at {value_words(key, found)}")
     return "; ".join(said)
 
 
@@ -178,14 +187,23 @@ def known_by(one: FittedParameter) -> str:
 
 def at_bound(one: FittedParameter) -> bool:
     """Whether the value stands where no fit goes beyond."""
-    near = 1e-6 * (one.high - one.low)
+    near = 1e-6 * room_of(one)
     return not one.held and not one.low + near < one.estimate.value < one.high - near
 
 
-def cells(one: FittedParameter, keys: Sequence[str]) -> tuple[str, str, str, str, str, str]:
+def room_of(one: FittedParameter) -> float:
+    """How far apart its bounds are, SI; of bounds that no fit could meet, ten times value and interval."""
+    between = one.high - one.low
+    largest = largest_of((one.estimate.value, one.estimate.low, one.estimate.high))
+    return between if between <= 2.0 * FAR * largest or one.held or not largest else 10.0 * largest
+
+
+def cells(
+    one: FittedParameter, keys: Sequence[str], line: LineUnits = TURNS
+) -> tuple[str, str, str, str, str, str]:
     """Title, value, 90 % interval, bounds, unit, what it is known by: a row of the table."""
     found = one.estimate
-    unit = shown_unit(one.key, found.unit, largest_of((found.value, found.low, found.high)))
+    unit = shown_unit(one.key, found.unit, largest_of((found.value, found.low, found.high)), line)
     value, low, high, least, most = (
         unit.factor * v for v in (found.value, found.low, found.high, one.low, one.high)
     )
@@ -193,7 +211,7 @@ def cells(one: FittedParameter, keys: Sequence[str]) -> tuple[str, str, str, str
     # The interval is that of a parabola about the value; what lies beyond a bound no fit allows.
     interval = "–" if one.held else f"{fixed(max(low, least), places)} to {fixed(min(high, most), places)}"
     bounds = _bounds(least, most, FAR * largest_of((value, low, high)))
-    title = parameter_title(one.key, keys)
+    title = line.title(parameter_title(one.key, keys))
     return title, fixed(value, places), interval, bounds, unit.symbol or "1", known_by(one)
 
 
@@ -201,10 +219,6 @@ def places_of(one: FittedParameter, unit: ScreenUnit) -> int:
     """Decimals that a parameter's interval, or where it is held its range, calls for."""
     half = 0.5 * unit.factor * (one.estimate.high - one.estimate.low)
     return decimals_for(half if half > 0 and not one.held else 1e-3 * unit.factor * (one.high - one.low))
-
-
-FAR = 1000.0
-"""Times value and interval, from which on a bound is none that a fit could meet."""
 
 
 def _bounds(least: float, most: float, far: float) -> str:

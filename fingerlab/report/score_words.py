@@ -41,7 +41,7 @@ from fingerlab.report.diagnosis_words import (
     shown_best_first,
     worth_adding,
 )
-from fingerlab.report.line_words import along_the_line, title_along_the_line
+from fingerlab.report.line_units import LineUnits
 from fingerlab.report.parameter_words import held_words, parameter_title
 
 EQUATION_NAMES = {name: one.name for name, one in EQUATIONS.items()} | {"tip_depth": "the tip's depth"}
@@ -308,7 +308,8 @@ FAR_ABOVE = 1.5
 
 def apart_sentence(diagnosis: Diagnosis) -> str:
     """Why the one row of a motor alone is far from the error over all; empty where it is not."""
-    found, error = diagnosis.row_and_score, diagnosis.errors.get("motor_torque")
+    found, errors = diagnosis.row_and_score, diagnosis.errors
+    error = errors.get("motor_torque", errors.get("motor_force"))
     if found is None or error is None or not error.floor > 0:
         return ""
     row = error.rmse / error.floor
@@ -430,7 +431,7 @@ def _step(before: Diagnosis, now: Diagnosis) -> StoryStep:
         now.score,
         judged[0].probability if judged else None,
         evidence_for(came, before),
-        "" if now.held == before.held else held_words(now.held) or "nothing held any more",
+        "" if now.held == before.held else held_words(now.held, now.line_radius) or "nothing held any more",
         {name: on_the_path(now if name in came else before, name) for name in (*came, *went)},
     )
 
@@ -493,9 +494,10 @@ def machine_sentence(diagnosis: Diagnosis, radius: float = 0.0) -> str:
     if "bench_inertia" not in found or any(name.startswith("arm_") for name in found):
         return ""
     titles = {key: parameter_title(key, list(found)) for key in found if key == "bench_inertia" or "." in key}
-    titles = {key: title_along_the_line(title, radius) for key, title in titles.items()}
+    line = LineUnits(radius)
+    titles = {key: line.title(title) for key, title in titles.items()}
     words = [
-        f"{title[0].lower()}{title[1:]} {estimate_text(along_the_line(found[key], radius))}"
+        f"{title[0].lower()}{title[1:]} {estimate_text(line.estimate(found[key]))}"
         for key, title in titles.items()
     ]
     return f"The fitted machine: {'; '.join(words)} (90 %)."

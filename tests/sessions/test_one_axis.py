@@ -157,8 +157,8 @@ def test_a_linear_axis_is_told_as_an_arc(tmp_path, capsys):
     np.testing.assert_allclose(run.channel("motor_torque"), 0.5 * TORQUE, atol=1e-9)
 
 
-def test_a_linear_axis_is_told_in_newtons_and_millimetres_beside(tmp_path, capsys):
-    """Friction of 4 N: at 20 mm radius 80 mN m; 1 N m is 50 N there."""
+def test_a_linear_axis_is_told_in_newtons_and_millimetres(tmp_path, capsys):
+    """Friction of 4 N, which at 20 mm radius is kept as 80 mN m; 1 N m is 50 N there."""
     rng = np.random.default_rng(7)
     files = []
     for number, frequency in enumerate((0.8, 1.3, 1.7)):
@@ -173,10 +173,9 @@ def test_a_linear_axis_is_told_in_newtons_and_millimetres_beside(tmp_path, capsy
     assert code == 0
     said = " ".join(out.split())
     assert "an arc of 20 mm: 1 N m is 50 N, 1 deg is 0.349 mm and 1 N m s/rad is 2500 N s/m." in said
-    (found,) = re.findall(
-        r"friction torque at the gearbox output ([\d.]+)[^;)]*; travel about [^)]*\)", said
-    )[:1]
-    assert float(found) == pytest.approx(80.0, rel=0.03)
+    force, travel = re.findall(r"friction force ([\d.]+)[^;)]* N; travel about ([\d.]+) µm\)", said)[0]
+    assert float(force) == pytest.approx(4.0, rel=0.03)
+    assert float(travel) == pytest.approx(100.0, rel=0.2)  # it turns round over 0.1 mm
 
 
 def test_a_current_needs_its_torque_constant(tmp_path, capsys):

@@ -29,6 +29,7 @@ from fingerlab.report.diagnosis_words import (
     needless_title,
     on_the_path,
 )
+from fingerlab.report.line_units import line_units
 from fingerlab.report.score_words import story
 from fingerlab.sessions.model import Session
 
@@ -185,6 +186,7 @@ class LabController(QObject):
     """Holds the open sessions, the history of models, and the project in which all of it is kept.
 
     Attributes:
+        history: of models; of a linear axis their diagnoses are told along the line.
         wanted: effects of a saved model, and what it holds, that the next comparison is to begin with.
         known: diagnoses of every model that was fitted to the open sessions, branches and all.
         first_look: what is known already of the model that is being diagnosed; None: nothing, or none is.
@@ -313,7 +315,7 @@ class LabController(QObject):
         fitted = diagnosis
 
         def work(progress: Progress, cancelled: IsCancelled) -> ParameterExplorer:
-            return self._at_hand(sessions, fitted, progress, cancelled)
+            return self._at_hand(sessions, fitted.computed, progress, cancelled)
 
         def if_still_shown(found: ParameterExplorer) -> None:
             if self.diagnosis is fitted:
@@ -329,7 +331,7 @@ class LabController(QObject):
         shown = diagnosis
 
         def work(progress: Progress, cancelled: IsCancelled) -> tuple[DraftLaw, ...]:
-            return self._drafted(sessions, shown, progress, cancelled)
+            return self._drafted(sessions, shown.computed, progress, cancelled)
 
         def if_still_shown(found: tuple[DraftLaw, ...]) -> None:
             if self.diagnosis is shown:
@@ -444,10 +446,12 @@ class LabController(QObject):
         cancelled: IsCancelled,
         **options: Any,
     ) -> Diagnosis:
+        """A model's diagnosis, in the units in which the lab shows it; called in the worker."""
         added, held = key
         if held:
             options["held"] = held
-        return self._diagnose(sessions, added, progress, cancelled, **options)
+        found = self._diagnose(sessions, added, progress, cancelled, **options)
+        return line_units(sessions).diagnosis(found)
 
     def _run(self, history: ModelHistory, key: ModelKey, title: str) -> None:
         sessions, own = self.sessions, isinstance(self._diagnose, SessionDiagnosis)
@@ -461,7 +465,7 @@ class LabController(QObject):
 
     def _take_look(self, key: ModelKey, look: FirstLook) -> None:
         if key == self._running:
-            self.first_look = look
+            self.first_look = line_units(self.sessions).look(look)
             self.first_look_changed.emit()
 
     def _forget_look(self) -> None:

@@ -22,6 +22,7 @@ from fingerlab.report.diagnosis_words import (
     listed,
     on_the_path,
 )
+from fingerlab.report.line_units import LineUnits
 from fingerlab.report.parameter_words import held_words, parameter_title
 
 from ..widgets.fields import set_usable
@@ -110,7 +111,8 @@ def _held_title(step: ModelStep, before: ModelStep) -> str:
     keys = [key for key in new if new[key] != old.get(key)] or [key for key in old if key not in new]
     if not keys:
         return ""
-    titles = [in_sentence(parameter_title(key, keys)) for key in keys]
+    line = LineUnits(step.diagnosis.line_radius)
+    titles = [in_sentence(line.title(parameter_title(key, keys))) for key in keys]
     return f"{'held' if new else 'free'}: {listed(titles)}"
 
 
@@ -402,7 +404,8 @@ def _in_words(other: ModelStep, now: ModelStep) -> str:
     """What taking or taking back a step does."""
     came, gone = other.change_from(now)
     if not (came or gone):
-        return f"Have {held_words(dict(other.held)) or 'nothing held'} again"
+        held = held_words(dict(other.held), other.diagnosis.line_radius)
+        return f"Have {held or 'nothing held'} again"
     new = called_in_sentence(other.diagnosis, came, on_the_path)
     old = called_in_sentence(now.diagnosis, gone, on_the_path)
     if came and gone:

@@ -14,8 +14,8 @@ from fingerlab.core.text import ScreenUnit, estimate_text, printed, screen_unit
 from fingerlab.diagnosis.answer.error_parts import EQUATIONS, equation_of
 from fingerlab.diagnosis.answer.results import Candidate, Diagnosis, Fingerprint
 from fingerlab.report.diagnosis_words import FAMILY_TITLES, in_sentence, listed, suspects
+from fingerlab.report.line_units import LineUnits
 from fingerlab.report.parameter_words import parameter_titles
-from fingerlab.sessions.model import Array
 
 from ..widgets.layout import FLUSH, described, hbox, vbox
 from ..widgets.plots import FocusFrame, bottom_axis_height, colour_plot, label_left, prepare_plot, span_of
@@ -32,7 +32,7 @@ AXIS_WIDTH = 72
 class FingerprintPlot(FocusFrame, pg.PlotWidget):
     """Bins as points with their interval, the effect as a green curve, the floor as a grey band.
 
-    Effects that cannot be told from it are dotted beside it.
+    Effects that cannot be told from it are dotted beside it, as far as the view of it goes.
     """
 
     def __init__(self, parent: QWidget | None = None) -> None:
@@ -112,7 +112,8 @@ class FingerprintPlot(FocusFrame, pg.PlotWidget):
         self.points.setData(x, mean)
         self.bars.setData(x=x, y=mean, top=np.maximum(high - mean, 0), bottom=np.maximum(mean - low, 0))
         self.curve.setData(x, curve if with_curve else np.full(len(x), np.nan))
-        others = [self._draw_alike(*one, across.factor, up.factor) for one in self._look_alikes.items()]
+        for title, other in self._look_alikes.items():
+            self._draw_alike(title, other, across.factor, up.factor)
         band = (floor or 0.0) * up.factor
         self.floor_band.setRegion((-band, band))
         plot = self.getPlotItem()
@@ -120,26 +121,25 @@ class FingerprintPlot(FocusFrame, pg.PlotWidget):
         plot.setLabel("bottom", across.label(coordinate))
         self._unit = up
         self._label_left()
-        # The edges of the floor stay in view: inside it, a residual says nothing.
+        # The edges of the floor stay in view: inside it, a residual says nothing. A look-alike may be many
+        # times what was measured, and goes beyond the view.
         edges = [-1.1 * band, 1.1 * band]
-        bottom, top = span_of(np.concatenate([low, high, curve if with_curve else mean, edges, *others]))
+        bottom, top = span_of(np.concatenate([low, high, curve if with_curve else mean, edges]))
         plot.setRange(xRange=span_of(x), yRange=(bottom, top), padding=0)
         self.setAccessibleDescription(
             f"{equation_of(fingerprint.equation).quantity} residual in {up.symbol} against "
             f"{fingerprint.coordinate} in {across.symbol}, {int(known.sum())} bins"
         )
 
-    def _draw_alike(self, title: str, other: Fingerprint, across: float, up: float) -> Array:
-        """The curve of a look-alike; its values on the screen."""
+    def _draw_alike(self, title: str, other: Fingerprint, across: float, up: float) -> None:
+        """The curve of a look-alike; ``across`` and ``up``: factors to the units of the screen."""
         known = np.isfinite(other.curve)
-        y: Array = other.curve[known] * up
         self.alike[title] = item = pg.PlotCurveItem(
-            other.centre[known] * across, y, antialias=True, name=title
+            other.centre[known] * across, other.curve[known] * up, antialias=True, name=title
         )
         item.setPen(self._dotted())
         item.setZValue(1)  # seen where it lies on the effect's own
         self.getPlotItem().addItem(item, ignoreBounds=True)
-        return y
 
     def _dotted(self) -> QPen:
         pen = line(colours_of(self).alike, 2 * self.devicePixelRatioF())
@@ -236,11 +236,12 @@ class EvidencePanel(QWidget):
         words = printed(candidate.explanation)
         self.explanation.setText(words)
         self.explanation.setToolTip(words)
-        self.title.setToolTip(_strength(candidate))
+        self.title.setToolTip(_strength(candidate, LineUnits(diagnosis.line_radius)))
         shown, alike = candidate.fingerprint, look_alikes(candidate, diagnosis)
         self.keys.set_keys(LOOK_ALIKES if alike else FINGERPRINT)
         self.plot.show_fingerprint(shown, _floor(shown, diagnosis), look_alikes=alike)
-        dotted = f"Dotted, what could not be told from it: {listed(list(map(in_sentence, alike)))}. "
+        dotted = f"Dotted, what could not be told from it: {listed(list(map(in_sentence, alike)))}; "
+        dotted += "what goes beyond the data and this effect is cut. "
         self.plot.setToolTip(_plot_help(shown, with_curve=True) + (dotted.rstrip() if alike else ""))
 
     def _show_outcome(self, outcome: str, diagnosis: Diagnosis) -> None:
@@ -270,13 +271,13 @@ def look_alikes(candidate: Candidate, diagnosis: Diagnosis) -> dict[str, Fingerp
     }
 
 
-def _strength(candidate: Candidate) -> str:
-    """Where the effect acts and how strong it is, a line each."""
+def _strength(candidate: Candidate, line: LineUnits) -> str:
+    """Where the effect acts and how strong it is, a line each; ``line``: that its numbers are told in."""
     lines = [candidate.title]
     if candidate.equations:
         lines.append(f"acts in: {listed([_place(name) for name in candidate.equations])}")
     titles = parameter_titles(candidate.effect, list(candidate.parameters))
-    lines += [f"{titles[name]} {estimate_text(p)}" for name, p in candidate.parameters.items()]
+    lines += [f"{line.title(titles[name])} {estimate_text(p)}" for name, p in candidate.parameters.items()]
     if candidate.parameters:
         lines.append("fitted, with 90 % interval")
     return "\n".join(lines)

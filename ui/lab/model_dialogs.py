@@ -35,6 +35,7 @@ from fingerlab.report.diagnosis_words import (
     listed,
     on_the_path,
 )
+from fingerlab.report.line_units import LineUnits
 from fingerlab.report.parameter_words import held_words, is_told, parameter_title, value_words
 from fingerlab.report.score_words import (
     ASIDE_HELP,
@@ -112,7 +113,8 @@ def model_words(added: Sequence[str], held: Held = (), diagnosis: Diagnosis | No
     titles = [effect_title(one) if diagnosis is None else on_the_path(diagnosis, one) for one in added]
     names = [in_sentence(title) for title in titles]
     model = f"nominal model with {listed(names)}" if names else "nominal model"
-    return ", ".join(filter(None, (model, held_words(dict(held)))))
+    radius = 0.0 if diagnosis is None else diagnosis.line_radius
+    return ", ".join(filter(None, (model, held_words(dict(held), radius))))
 
 
 def _prepare(dialog: QDialog, title: str, name: str) -> None:
@@ -405,7 +407,8 @@ def compared(a: Diagnosis, b: Diagnosis) -> list[tuple[str, str, str]]:
         or key in a.held
         or key in b.held
     ]
-    titles = {key: parameter_title(key, keys) for key in keys}
+    line = LineUnits(b.line_radius)
+    titles = {key: line.title(parameter_title(key, keys)) for key in keys}
     named = Counter(titles.values())
     for key, title in titles.items():
         whose = f" ({in_sentence(effect_title(key.partition('.')[0]))})" if named[title] > 1 else ""

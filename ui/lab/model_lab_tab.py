@@ -12,6 +12,7 @@ from PySide6.QtWidgets import QFileDialog, QWidget
 
 from fingerlab.core.errors import UserError
 from fingerlab.diagnosis.answer.error_parts import EQUATIONS
+from fingerlab.report.line_units import line_units
 
 from ..app.context import ApplicationContext
 from ..app.tab_registry import SEPARATOR, Command, Tab, run_commands
@@ -238,7 +239,7 @@ class ModelLabTab(Tab):
         from .own_effects import OwnEffects
 
         diagnosis = self.controller.diagnosis
-        failure = diagnosis.failure if diagnosis is not None else None
+        failure = diagnosis.computed.failure if diagnosis is not None else None
         dialog = OwnEffects(self.pages, self.context.settings.folder())
         if failure is not None:
             dialog.start_from(failure.equation, failure.text)
@@ -254,7 +255,8 @@ class ModelLabTab(Tab):
             dialog.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
             dialog.own_asked.connect(self.write_drafted_effect)
             diagnosis = self.controller.diagnosis
-            dialog.show_laws(laws, None if diagnosis is None else diagnosis.last)
+            last = None if diagnosis is None else diagnosis.last
+            dialog.show_laws(laws, last, line_units(self.controller.sessions))
             dialog.show()
 
         self.controller.draft(show)
@@ -365,7 +367,7 @@ class ModelLabTab(Tab):
         name, _ = QFileDialog.getSaveFileName(self.widget, "Save report page", str(start), REPORT_FILTER)
         if not name:
             return
-        path, models = Path(name), [step.diagnosis for step in history.done]
+        path, models = Path(name), [step.diagnosis.computed for step in history.done]
 
         def work(progress: Progress, cancelled: IsCancelled) -> Path:
             return validation.write_page(sessions, path, models, progress, cancelled)

@@ -25,6 +25,8 @@ from PySide6.QtWidgets import (
 
 from fingerlab.core.errors import UserError
 from fingerlab.report.diagnosis_words import effect_title, in_sentence
+from fingerlab.report.line_units import LineUnits
+from fingerlab.report.line_words import arc_sentence
 
 from ..app.window import ask_to_run
 from ..widgets.layout import WrappedRow, described, hbox, resize_on_screen, vbox
@@ -301,6 +303,7 @@ class DraftDialog(QDialog):
         self.setWindowTitle("Drafted laws – FingerLab")
         resize_on_screen(self, DRAFT_WIDTH, DRAFT_HEIGHT)
         self._laws: tuple[DraftLaw, ...] = ()
+        self._line = LineUnits()
         self.list = described(QListWidget(), "draftList", accessible="Drafted laws, best first")
         self.list.currentRowChanged.connect(self._show)
         self.plot = FingerprintPlot()
@@ -324,11 +327,17 @@ class DraftDialog(QDialog):
             spacing=8,
         )
 
-    def show_laws(self, laws: Sequence[DraftLaw], last: FittedModel | None) -> None:
-        """Other laws, or none; ``last``: the model that they stand beside."""
+    def show_laws(
+        self, laws: Sequence[DraftLaw], last: FittedModel | None, line: LineUnits | None = None
+    ) -> None:
+        """Other laws, or none; ``last``: the model that they stand beside; ``line``: units of the plot.
+
+        A law itself is one of angles and torques, as its file is.
+        """
         from fingerlab.diagnosis.draft.laws import nothing_drafted
 
-        self._laws = tuple(laws)
+        self._laws, self._line = tuple(laws), line or LineUnits()
+        self.hint.setText(" ".join(filter(None, (ABOUT_DRAFTS, arc_sentence(self._line.radius)))))
         self.list.clear()
         for number, law in enumerate(self._laws, 1):
             self.list.addItem(f"{number}. {law.title} ({law.score_before:.2f} to {law.score:.2f} floors)")
@@ -350,7 +359,7 @@ class DraftDialog(QDialog):
     def _show(self, _row: int) -> None:
         law = self.chosen
         if law is not None:
-            self.plot.show_fingerprint(law.fingerprint)
+            self.plot.show_fingerprint(law.fingerprint and self._line.fingerprint(law.fingerprint))
             story = law.told(lambda effect: in_sentence(effect_title(effect)))
             self.words.setText("\n".join(line.strip() for line in story.splitlines()))
 

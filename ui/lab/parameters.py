@@ -19,7 +19,8 @@ from fingerlab.diagnosis.answer.error_parts import Comparison, EquationError
 from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.models.file import Held
 from fingerlab.report.diagnosis_words import FAMILY_TITLES
-from fingerlab.report.parameter_words import cells, known_by, parameter_title, places_of, shown_unit
+from fingerlab.report.line_units import LineUnits
+from fingerlab.report.parameter_words import cells, known_by, parameter_title, places_of, room_of, shown_unit
 
 from ..app.undo import UndoSteps
 from ..widgets.fields import NumberField, set_usable
@@ -75,6 +76,7 @@ class ParametersPanel(QWidget):
         self.what_if: WhatIf | None = None
         self._at_hand: ParameterExplorer | None = None
         self._held: Mapping[str, float] = {}
+        self._line = LineUnits()
         self._now = ParameterChange({}, frozenset())
         self._moving = ""  # the parameter whose moves are one step until it is let go
         self._busy = False
@@ -129,6 +131,7 @@ class ParametersPanel(QWidget):
     ) -> None:
         """The parameters of another model, those moved that were; None: they are not there (yet)."""
         self._at_hand, self._held = at_hand, dict(diagnosis.held) if diagnosis is not None else {}
+        self._line = LineUnits(diagnosis.line_radius if diagnosis is not None else 0.0)
         self.what_if, self._moving = None, ""
         self.history.forget()
         if at_hand is None:
@@ -144,7 +147,7 @@ class ParametersPanel(QWidget):
         with QSignalBlocker(self.table):
             self.table.setRowCount(len(keys))
             for row, one in enumerate(self._ordered()):
-                title, value, *rest = cells(one, keys)
+                title, value, *rest = cells(one, keys, self._line)
                 for column, text in enumerate((title, value, "", *rest)):
                     item = QTableWidgetItem(text)
                     item.setTextAlignment(LEFT if column in (0, FROM) else RIGHT)
@@ -158,7 +161,8 @@ class ParametersPanel(QWidget):
         """The same equation and run with the values moved; None where nothing is."""
         if shown is None or self.what_if is None or self._at_hand is None:
             return None
-        found = self._at_hand.comparisons(self.what_if, shown.session, shown.run)
+        drawn = self._at_hand.comparisons(self.what_if, shown.session, shown.run)
+        found = map(self._line.comparison, drawn)
         one = joined(found).get((shown.equation, run_key(shown)))
         return None if one is None else replace(one, aside=shown.aside)
 
@@ -184,7 +188,7 @@ class ParametersPanel(QWidget):
 
     def _unit(self, one: FittedParameter) -> ScreenUnit:
         found = one.estimate
-        return shown_unit(one.key, found.unit, largest_of((found.value, found.low, found.high)))
+        return shown_unit(one.key, found.unit, largest_of((found.value, found.low, found.high)), self._line)
 
     def _show_chosen(self) -> None:
         one = self._chosen()
@@ -206,7 +210,7 @@ class ParametersPanel(QWidget):
             return
         unit, (low, high) = self._unit(one), reach(one)
         keys = [other.key for other in self._at_hand.parameters]
-        self.name.setText(parameter_title(one.key, keys))
+        self.name.setText(self._line.title(parameter_title(one.key, keys)))
         held = one.key in self._now.hold
         self.hold.setText("Let &free" if held else "H&old")
         self.hold.setToolTip(
@@ -307,9 +311,9 @@ class ParametersPanel(QWidget):
         for row, one in enumerate(self._ordered()):
             unit, moved, places = self._unit(one), self._value(one), places_of(one, self._unit(one))
             changed = fixed(moved * unit.factor, places) != fixed(one.estimate.value * unit.factor, places)
-            before, hold = one.key in self._held, one.key in self._now.hold
+            was, hold = one.key in self._held, one.key in self._now.hold
             marks = {(False, True): "to be held", (True, False): "to be let free"}
-            source = marks.get((before, hold), known_by(one))
+            source = marks.get((was, hold), known_by(one))
             for column, text in (
                 (WHAT_IF, fixed(moved * unit.factor, places) if changed else ""),
                 (FROM, source),
@@ -319,8 +323,9 @@ class ParametersPanel(QWidget):
                 item.setText(text)
         change = " → ".join(dict.fromkeys((score_text(first.score), score_text(now.score))))
         said = [f"Error on all runs {change} floors"]
-        for family, error in now.errors.items():
-            before_, after, _, unit_ = error_texts(first.errors[family], error)
+        before = self._line.errors(first.errors)
+        for family, error in self._line.errors(now.errors).items():
+            before_, after, _, unit_ = error_texts(before[family], error)
             if self.what_if is not None:
                 said.append(f"{FAMILY_TITLES.get(family, family).lower()} {before_} → {after} {unit_}")
         hint = "" if self.what_if is not None else ". Move a value: curves and error follow at once."
@@ -330,12 +335,13 @@ class ParametersPanel(QWidget):
         """The error of a family as fitted and with the values moved; None: nothing is moved."""
         if self.what_if is None or self._at_hand is None:
             return None
-        return self._at_hand.as_fitted.errors.get(family), self.what_if.errors.get(family)
+        as_fitted, moved = (self._line.errors(one.errors) for one in (self._at_hand.as_fitted, self.what_if))
+        return as_fitted.get(family), moved.get(family)
 
 
 def reach(one: FittedParameter) -> tuple[float, float]:
     """From where to where the slider goes, SI: from bound to bound, or as far as tells something."""
-    half = max(0.5 * (one.estimate.high - one.estimate.low), 1e-4 * (one.high - one.low))
+    half = max(0.5 * (one.estimate.high - one.estimate.low), 1e-4 * room_of(one))
     if one.held or one.high - one.low <= FAR * half:
         return one.low, one.high
     value = min(max(one.estimate.value, one.low), one.high)

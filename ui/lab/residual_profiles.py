@@ -239,6 +239,8 @@ SHAPE_TITLES = {
     "autocorrelation": "Autocorrelation",
     "spectrum": "Spectrum",
 }
+POSITION_LOOP = "Loop over the position"
+"""Of an axis along a line."""
 LOOPS = ("angle_loop", "tension_loop")
 SHAPE_WORDS = {
     "angle_loop": "Wider than the model's loop: a loss that the model lacks. Turned against it: a spring.",
@@ -310,6 +312,8 @@ class ProfilePanel(QWidget):
             for name, title in SHAPE_TITLES.items():
                 if name == "tension_loop" and "tension" not in told:
                     continue  # a motor alone has no cable
+                if name == "angle_loop" and "position" in self._profiles:
+                    title = POSITION_LOOP
                 self.coordinate.addItem(f"{title} of this run", name)
         known = self._by_hand in self._profiles or (self._by_hand in SHAPE_TITLES and self._profiles)
         wanted = self._by_hand if known else most_orderly(self._profiles)

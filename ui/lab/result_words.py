@@ -261,14 +261,15 @@ def run_text(comparison: Comparison, session: Session | None, many: bool) -> str
     if run is not None:
         if run.cable != "none":
             parts.append(run.cable)
-        parts += filter(None, (motor_words(run.trajectory), changed_words(run.attributes)))
+        radius = session.rig.line_radius if session is not None else 0.0
+        parts += filter(None, (motor_words(run.trajectory, radius), changed_words(run.attributes)))
     text = f"Run {comparison.run} · {', '.join(parts)}"
     return f"{session.path.stem}: {text}" if many and session is not None else text
 
 
-def motor_words(trajectory: Mapping[str, Any]) -> str:
-    """What the motor was told: kind, amplitude, frequency."""
-    return trajectory_words({key: trajectory[key] for key in RUN_KEYS if key in trajectory})
+def motor_words(trajectory: Mapping[str, Any], radius: float = 0.0) -> str:
+    """What the motor was told: kind, amplitude, frequency; ``radius``, m, of a linear axis."""
+    return trajectory_words({key: trajectory[key] for key in RUN_KEYS if key in trajectory}, radius)
 
 
 def sessions_text(sessions: tuple[Session, ...]) -> str:

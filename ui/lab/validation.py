@@ -83,8 +83,14 @@ class HeldOutTable(NumberTable):
         self.horizontalHeader().setFixedHeight(line + ROOM)
         self.setMinimumHeight((LEAST_ROWS + 1) * line + ROOM + 2 * self.frameWidth())
 
-    def show_runs(self, nominal: Sequence[HeldOutRuns], now: Sequence[HeldOutRuns]) -> None:
-        """Scores by the nominal and by the present model; without any the table is not seen."""
+    def show_runs(
+        self, nominal: Sequence[HeldOutRuns], now: Sequence[HeldOutRuns], radius: float = 0.0
+    ) -> None:
+        """Scores by the nominal and by the present model; without any the table is not seen.
+
+        Args:
+            radius: of the arc as which a linear axis is told, m; 0: it turns.
+        """
         self.setVisible(bool(now))
         self._runs = [one.runs[0] for one in now]
         single = [len(one.runs) for one in now] == [1]
@@ -96,32 +102,32 @@ class HeldOutTable(NumberTable):
         self.setRowCount(len(now))
         for row, one in enumerate(now):
             first = before.get(one.runs)
-            texts = runs_text(one), "–" if first is None else score_text(first), score_text(one.score)
+            texts = runs_text(one, radius), "–" if first is None else score_text(first), score_text(one.score)
             for column, text in enumerate(texts):
                 item = QTableWidgetItem(text)
                 side = Qt.AlignmentFlag.AlignRight if column else Qt.AlignmentFlag.AlignLeft
                 item.setTextAlignment(side | Qt.AlignmentFlag.AlignVCenter)
-                item.setToolTip(COLUMNS[column][1] if column else whole_text(one))
+                item.setToolTip(COLUMNS[column][1] if column else whole_text(one, radius))
                 self.setItem(row, column, item)
 
 
-def runs_text(one: HeldOutRuns) -> str:
+def runs_text(one: HeldOutRuns, radius: float = 0.0) -> str:
     """``001 · on air, extension, sine, 15°, 1 Hz``; of several the first is named."""
     first, *others = one.runs
     named = f"{first} and {len(others)} more" if others else first
-    return f"{named} · {motion_text(one)}"
+    return f"{named} · {motion_text(one, radius)}"
 
 
-def motion_text(one: HeldOutRuns) -> str:
+def motion_text(one: HeldOutRuns, radius: float = 0.0) -> str:
     """What these runs have in common: phase, cable, what the motor was told."""
     cable = f", {one.cable}" if one.cable != "none" else ""
     change = f", {one.change}" if one.change else ""
-    return f"{PHASE_WORDS.get(one.phase, one.phase)}{cable}, {motor_words(one.trajectory)}{change}"
+    return f"{PHASE_WORDS.get(one.phase, one.phase)}{cable}, {motor_words(one.trajectory, radius)}{change}"
 
 
-def whole_text(one: HeldOutRuns) -> str:
+def whole_text(one: HeldOutRuns, radius: float = 0.0) -> str:
     """All that a row says, with every run."""
-    return f"Run{'s' if len(one.runs) > 1 else ''} {listed(one.runs)} · {motion_text(one)}"
+    return f"Run{'s' if len(one.runs) > 1 else ''} {listed(one.runs)} · {motion_text(one, radius)}"
 
 
 FORCE = "endpoint_force"
@@ -226,7 +232,7 @@ class ValidationPanel(QWidget):
                 )
             )
         )
-        self.runs.show_runs(history.first.diagnosis.held_out, diagnosis.held_out)
+        self.runs.show_runs(history.first.diagnosis.held_out, diagnosis.held_out, radius)
         proposed = diagnosis.next_experiment is not None
         self.hand.setEnabled(proposed)
         self.hand.setToolTip(

@@ -84,8 +84,19 @@ EQUATIONS = {
         "Measured: as it was logged, or torque constant × gear ratio × current.\n"
         "Modelled: J·acceleration + gain·load + offset.",
     ),
+    "motor_force": Equation(
+        "Motor force", "Motor", "Motor force", "motor force", "motor_force",
+        "Measured: the force that drives the axis, as it was logged or from the motor's current. "
+        "Modelled: what mass, a known load and an offset call for.",
+        "Force that drives the axis along its line, N.\n"
+        "Measured: as it was logged, or force constant × current.\n"
+        "Modelled: mass·acceleration + gain·load + offset.",
+    ),
 }  # fmt: skip
-"""By the id that comparisons, parts of a score and ``--json`` have, in the order in which they are shown."""
+"""By the id that comparisons, parts of a score and ``--json`` have, in the order in which they are shown.
+
+"motor_force" is "motor_torque" of an axis along a line, as it is shown (``report/line_units.py``).
+"""
 
 
 def equation_of(name: str) -> Equation:

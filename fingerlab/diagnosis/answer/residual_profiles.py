@@ -57,6 +57,8 @@ COORDINATES = {
         Coordinate("tension", "Cable tension", "N", ("tension",)),
         Coordinate("motor_angle", "Motor angle", "rad", ("motor angle",)),
         Coordinate("motor_speed", "Motor speed", "rad/s", ("motor speed",)),
+        Coordinate("position", "Position", "m", ("position",)),
+        Coordinate("axis_speed", "Speed", "m/s", ("speed",)),
         Coordinate("time", "Time in the run", "s", ("time",)),
         Coordinate("run", "Run", ""),
     )
@@ -215,15 +217,21 @@ def _phase(one: Comparison) -> Array | None:
     From position and speed, each over its range, so that no command needs to be known: 0 in the middle of the
     way forth, pi/2 at the far end, pi in the middle of the way back.
     """
-    if not {"motor angle", "motor speed"} <= one.coordinates.keys():
+    position, speed = (_of_motor(one, name) for name in ("angle", "speed"))
+    if position is None or speed is None:
         return None
-    position, speed = one.coordinates["motor angle"], one.coordinates["motor speed"]
     low, high = np.quantile(position, (OUTLYING, 1 - OUTLYING))
     fastest = float(np.quantile(np.abs(speed), 1 - OUTLYING))
     if not (high > low and fastest > 0):
         return None
     across = (position - 0.5 * (low + high)) / (0.5 * (high - low))
     return np.asarray(np.mod(np.arctan2(across, speed / fastest), 2 * np.pi))
+
+
+def _of_motor(one: Comparison, quantity: str) -> Array | None:
+    """The motor's "angle", "speed" or "acceleration"; of an axis along a line its own, SI."""
+    along = one.coordinates.get("position" if quantity == "angle" else quantity)
+    return one.coordinates.get(f"motor {quantity}", along)
 
 
 def _edges(place: Array, chosen: Coordinate, runs: int) -> Array | None:
@@ -297,11 +305,12 @@ def _finer(values: Array) -> Array:
 
 
 def angle_loop(comparison: Comparison) -> ResidualFigure | None:
-    """Measured and modelled over the joint's angle, or the motor's; None where neither is known."""
+    """Measured and modelled over the joint's angle, the motor's or a position; None where none is known."""
     joint = JOINTS.get(comparison.equation, "pip")
     found = _over(
         comparison, f"joint angle {joint}", (f"{joint.upper()} angle", "rad"), "Loop over the angle"
     )
+    found = found or _over(comparison, "position", ("Position", "m"), "Loop over the position")
     return found or _over(comparison, "motor angle", ("Motor angle", "rad"), "Loop over the angle")
 
 
@@ -379,8 +388,8 @@ def _longest(comparison: Comparison) -> tuple[Array, Array]:
 
 FULL_RATE_CHANNELS = {
     "mcp_torque": "motor_torque", "pip_torque": "motor_torque", "motor_torque": "motor_torque",
-    "cable_kinematics": "motor_position", "endpoint_force_pip": "endpoint_force",
-    "endpoint_force_mcp": "endpoint_force",
+    "motor_force": "motor_torque", "cable_kinematics": "motor_position",
+    "endpoint_force_pip": "endpoint_force", "endpoint_force_mcp": "endpoint_force",
 }  # fmt: skip
 """Channel behind the measured side of each equation."""
 
@@ -398,8 +407,8 @@ def full_rate(comparison: Comparison, run: Run) -> tuple[Array, Array] | None:
     time, raw = samples["time"] - samples["time"][0], samples[channel]
     width = max(int(run.sample_rate_hz / (_rate_hz(comparison.time) or NARROW_RATE_HZ)), 1)
     smooth = np.convolve(raw, np.full(width, 1.0 / width), mode="same")  # its noise would shrink the factor
-    inertial = comparison.coordinates.get("motor acceleration", np.zeros(len(comparison.time)))
-    if channel != "motor_torque":
+    inertial = _of_motor(comparison, "acceleration")
+    if inertial is None or channel != "motor_torque":
         inertial = np.zeros(len(comparison.time))
     near = np.interp(comparison.time, time, smooth)
     known = np.isfinite(comparison.measured) & np.isfinite(inertial) & np.isfinite(near)

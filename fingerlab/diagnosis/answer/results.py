@@ -276,6 +276,8 @@ class Diagnosis:
     is noise of what no law of the state tells of a motor's torque; the rest follows the past, or the run.
     ``reading_errors``: what was taken off the channels' readings, and ``run_zeros``: off the angles of single
     runs; both in reduced units. ``disagreeing``: session and name of runs that were left aside.
+    ``line_radius``: m, of the arc of a linear axis, where what is shown is told along the line; 0: it is not.
+    ``of_arc``: the same diagnosis about that arc, as it was worked out (``report/line_units.py``).
     """
 
     sessions: tuple[str, ...]
@@ -323,6 +325,13 @@ class Diagnosis:
     reading_errors: ReadingErrors = field(default_factory=dict, repr=False, compare=False)
     run_zeros: RunZeros = field(default_factory=dict, repr=False, compare=False)
     disagreeing: frozenset[tuple[str, str]] = field(default=frozenset(), repr=False, compare=False)
+    line_radius: float = 0.0
+    of_arc: Diagnosis | None = field(default=None, repr=False, compare=False)
+
+    @property
+    def computed(self) -> Diagnosis:
+        """As it was worked out: what further work on the same fit begins with."""
+        return self.of_arc or self
 
     def resume(self, reduction: Reduction) -> None:
         """Let a reduction of the same sessions go on from what this answer knows of the bench."""
