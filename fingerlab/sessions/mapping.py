@@ -160,6 +160,11 @@ def is_linear(unit: str, target: str) -> bool:
     return target in _ALONG_A_LINE and factor(unit, _ALONG_A_LINE[target]) is not None
 
 
+def drawn_unit(unit: str, target: str) -> str:
+    """The SI unit that ``unit`` is a multiple of: "m" or "N" of an axis along a line, else ``target``."""
+    return _ALONG_A_LINE[target] if is_linear(unit, target) else target
+
+
 @dataclass(frozen=True)
 class _Wish:
     """One entry of a mapping as the user gave it."""

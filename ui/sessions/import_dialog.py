@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from PySide6.QtCore import Qt, QTimer, Signal
+from PySide6.QtCore import QRect, Qt, QTimer, Signal
 from PySide6.QtGui import QKeyEvent, QResizeEvent
 from PySide6.QtWidgets import (
     QCheckBox,
@@ -36,7 +36,7 @@ from fingerlab.report.diagnosis_words import PHASE_WORDS
 from fingerlab.sessions.model import CABLES, CHANNEL_UNITS, PHASES, Array
 
 from ..widgets.fields import NumberField, choice, set_usable
-from ..widgets.layout import Spacer, WrappedRow, as_written, described, hbox, resize_on_screen, vbox
+from ..widgets.layout import FLUSH, Spacer, WrappedRow, as_written, described, hbox, resize_on_screen, vbox
 from ..widgets.plots import DecimatedCurve, QuietPlot, span_of
 from ..widgets.tables import NumberTable, remark
 from ..widgets.theme import colours_of, tint
@@ -67,8 +67,19 @@ OPTION_NAMES = {
 """What the sentences of the command call an option, and what it is called here."""
 UNUSED = ""
 OF_A_FINGER = {"motor_command", "mcp_angle", "pip_angle"}
-"""Channels that a log of one axis does not have."""
+"""Channels that a log of one axis does not have, or seldom."""
 TITLES = {"time": "time", "motor_current": "motor current", **{k: c.title for k, c in CHANNELS.items()}}
+AXIS_TITLES = {
+    "time": "time",
+    "motor_position": "position",
+    "motor_torque": "torque or force",
+    "motor_current": "current",
+    "load_torque": "known load",
+    "motor_command": "command",
+}
+"""What the same are called in a log of one axis, whatever it is that moves; it has no others."""
+OF_AN_AXIS = "; motor bench, cable none"
+"""What is told of a run, and means nothing to who has a log of one axis."""
 COLUMNS = (
     ("Column", "Title of the column, or its number."),
     ("Is", "The channel that it becomes; what is not used is left out."),
@@ -77,7 +88,11 @@ COLUMNS = (
     ("Sign reversed", "The numbers are taken times −1, for a sensor that counts the other way."),
     ("First values", "As they stand in the file."),
 )
-SHOWN_VALUES, NAME_LETTERS = 3, 8
+SHOWN_VALUES, NAME_LETTERS = 3, 10
+SEEN_ROOM = 14
+"""Of the words on what will be written, for frame and margins, px."""
+LISTED_LINES = 8
+"""About as many lines of letters as the list of files is high; beyond them it scrolls."""
 ROOM, NUMBER_WIDTH = 48, 180
 """Of a list beside its words, for frame and arrow, and of a number, px."""
 AXIS_HELP = (
@@ -109,8 +124,9 @@ class ColumnTable(NumberTable):
         header = self.horizontalHeader()
         header.setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
         header.setSectionResizeMode(0, QHeaderView.ResizeMode.Stretch)
-        header.setMinimumSectionSize(NAME_LETTERS * self.fontMetrics().averageCharWidth())
-        for place, letters in ((1, 22), (2, 12), (3, 8)):
+        heading = header.fontMetrics().horizontalAdvance(COLUMNS[0][0]) + ROOM // 2
+        header.setMinimumSectionSize(max(NAME_LETTERS * self.fontMetrics().averageCharWidth(), heading))
+        for place, letters in ((1, 18), (2, 10), (3, 6)):
             header.setSectionResizeMode(place, QHeaderView.ResizeMode.Fixed)
             header.resizeSection(place, letters * self.fontMetrics().averageCharWidth() + ROOM)
         self.verticalHeader().setDefaultSectionSize(2 * self.fontMetrics().height())
@@ -139,7 +155,8 @@ class ColumnTable(NumberTable):
                 numbers = f"{words[row]}  (words)" if words[row] else "empty"
             for place, text in ((0, self._names[row]), (5, numbers)):
                 self.setItem(row, place, _cell(text))
-            channels = {UNUSED: "not used", **{k: TITLES.get(k, k) for k in (*CHANNEL_UNITS, *own)}}
+            titles = {k: TITLES.get(k, k) for k in CHANNEL_UNITS} if axis is None else AXIS_TITLES
+            channels = {UNUSED: "not used", **titles, **{k: k for k in own}}
             kind = choice(f"importIs{row}", channels, f"Column {row + 1} is: the channel that it becomes.")
             unit = choice(f"importUnit{row}", {}, f"Unit of column {row + 1}: in which its numbers are.")
             turned = described(
@@ -193,7 +210,8 @@ class ColumnTable(NumberTable):
 
     def title(self, row: int) -> str:
         """What a column is called: its channel, or its own title where it is not used."""
-        return TITLES.get(self.kind(row), self.kind(row)) or self._names[row]
+        titles = TITLES if self._axis is None else AXIS_TITLES
+        return titles.get(self.kind(row), self.kind(row)) or self._names[row]
 
     def _offer_units(self, row: int, wanted: str = "") -> None:
         from fingerlab.core.text import factor
@@ -324,7 +342,7 @@ class ImportDialog(QDialog):
         ]
         self.axis = described(QCheckBox("Log of &one axis of any machine"), "importAxis", tip=AXIS_HELP)
         self.constant = NumberField()
-        described(self.constant, "importConstant", accessible="Torque of an ampere, N m", tip=CONSTANT_HELP)
+        described(self.constant, "importConstant", accessible="Torque of an ampere, N m/A", tip=CONSTANT_HELP)
         self.lever = NumberField()
         described(self.lever, "importLever", accessible="Lever of a force, mm", tip=LEVER_HELP)
         self.rate = NumberField()
@@ -352,37 +370,44 @@ class ImportDialog(QDialog):
             number.setMaximumWidth(max(NUMBER_WIDTH, number.minimumSizeHint().width()))
         grid = QGridLayout()
         grid.setColumnStretch(0, 1)
-        for column, words in enumerate(("File, one run each", "Phase", "Cable")):
-            grid.addWidget(remark(words, wrap=False), 0, column)
+        titles = [remark(words, wrap=False) for words in ("File, one run each", "Phase", "Cable")]
+        for column, title in enumerate(titles):
+            grid.addWidget(title, 0, column)
+        self._finger_only: tuple[QWidget, ...] = (
+            *titles[1:], *(field for fields in self._each for field in fields)
+        )  # fmt: skip
         for row, (path, fields) in enumerate(zip(self._files, self._each, strict=True), start=1):
             name = QLabel(path.name, textFormat=Qt.TextFormat.PlainText)
             name.setToolTip(as_written(str(path)))
             grid.addWidget(name, row, 0)
             for column, field in enumerate(fields, start=1):
                 grid.addWidget(field, row, column)
-        inner = QWidget()
-        inner.setLayout(grid)
-        room = QScrollArea(widgetResizable=True)
-        room.setWidget(inner)
-        room.setMaximumHeight(min(inner.sizeHint().height() + 8, 120))
-        samples, ampere = QLabel("&Samples a second"), QLabel("Torque of an &ampere (N m, or N)")
+        self._listed = QWidget()
+        self._listed.setLayout(grid)
+        self._list = QScrollArea(widgetResizable=True)
+        self._list.setWidget(self._listed)
+        samples, ampere = QLabel("&Samples a second"), QLabel("Torque of an &ampere (N m/A, or N/A)")
         lever = QLabel("&Lever (mm)")
         for label, number in ((samples, self.rate), (ampere, self.constant), (lever, self.lever)):
             label.setBuddy(number)
+        self._current_only, self._axis_only = QWidget(), QWidget()
+        for both, label, number in (
+            (self._current_only, ampere, self.constant),
+            (self._axis_only, lever, self.lever),
+        ):
+            hbox(both, label, number, margins=FLUSH, spacing=8)  # a label and its field in one row
         first = hbox(None, samples, self.rate, 16, self.rig, (self.rig_words, 1), Spacer(), spacing=8)
-        self._axis_only: tuple[QWidget, ...] = (ampere, self.constant, lever, self.lever)
-        second = WrappedRow((self.axis, *self._axis_only))
+        second = WrappedRow((self.axis, self._current_only, self._axis_only))
         halves = QSplitter(Qt.Orientation.Vertical)
         for half in (self.columns, self.preview):
             halves.addWidget(half)
         halves.setChildrenCollapsible(False)
         halves.setSizes([260, 200])
-        self.seen.setMaximumHeight(5 * self.fontMetrics().lineSpacing() + 12)
         self.buttons = QDialogButtonBox(QDialogButtonBox.StandardButton.Cancel)
         self.write = self.buttons.addButton("&Write session…", QDialogButtonBox.ButtonRole.AcceptRole)
         self.write.setObjectName("importWrite")
         about = "The columns shown are those of the first file; a change holds for all."
-        vbox(self, remark(about), room, second, first, (halves, 1), self.seen, self.buttons, spacing=8)
+        vbox(self, remark(about), self._list, second, first, (halves, 1), self.seen, self.buttons, spacing=8)
 
     def _connect(self) -> None:
         for field in (field for fields in self._each for field in fields):
@@ -415,10 +440,12 @@ class ImportDialog(QDialog):
         from fingerlab.sessions.mapping import likely_columns
 
         axis = self._axis
-        for field in (field for fields in self._each for field in fields):
-            set_usable(field, axis is None)
-        for widget in self._axis_only:
-            widget.setVisible(axis is not None)
+        for widget in self._finger_only:
+            widget.setVisible(axis is None)
+        self._axis_only.setVisible(axis is not None)
+        self._listed.adjustSize()
+        most = LISTED_LINES * self.fontMetrics().lineSpacing()
+        self._list.setFixedHeight(min(self._listed.sizeHint().height() + 2 * self._list.frameWidth(), most))
         if self.rig_file is None:
             self.rig_words.setText(NO_RIG if axis is None else NO_AXIS_RIG)
         try:
@@ -443,6 +470,8 @@ class ImportDialog(QDialog):
         from fingerlab.rig.file import load_axis_rig
         from fingerlab.sessions.importing import TextRun, describe, of_one_axis, refuse_unknown_constant
 
+        kinds = {self.columns.kind(row) for row in range(self.columns.rowCount())}
+        self._current_only.setVisible(self.axis.isChecked() and "motor_current" in kinds)
         sources: list[TextRun] = [
             TextRun(path, str(phase.currentData()), str(cable.currentData()))
             for path, (phase, cable) in zip(self._files, self._each, strict=True)
@@ -464,13 +493,25 @@ class ImportDialog(QDialog):
             told = [
                 _plainly(line) for plan in self.plans for line in describe(plan) if "<- column" not in line
             ]
-            words = in_the_window("\n".join(told), self._files)
+            words = in_the_window("\n".join(told), self._files, self.axis.isChecked())
         except UserError as error:
-            self.plans, words = (), in_the_window(str(error), self._files)
+            self.plans, words = (), in_the_window(str(error), self._files, self.axis.isChecked())
         self.seen.setPlainText(words)
+        self._fit_seen()
         self.write.setEnabled(bool(self.plans))
         self.write.setToolTip("" if self.plans else as_written(words))
         self._preview()
+
+    def _fit_seen(self) -> None:
+        """As high as its words are, up to five lines: the rest is the table's."""
+        letters, wraps = self.seen.fontMetrics(), int(Qt.TextFlag.TextWordWrap)
+        room = QRect(0, 0, max(self.seen.viewport().width() - SEEN_ROOM, 1), 1)
+        lines = letters.boundingRect(room, wraps, self.seen.toPlainText()).height() / letters.lineSpacing()
+        self.seen.setFixedHeight(min(max(math.ceil(lines), 2), 5) * letters.lineSpacing() + SEEN_ROOM)
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        super().resizeEvent(event)
+        self._fit_seen()
 
     def _planned(self, sources: Sequence[TextRun]) -> tuple[ImportPlan, ...]:
         """Each file by its own header until something is chosen here, or where that does not go."""
@@ -509,16 +550,19 @@ class ImportDialog(QDialog):
 
     def _unit_of(self, row: int) -> str:
         """In which a column is drawn; empty as long as nobody knows in which it stands there."""
-        return CHANNEL_UNITS.get(self.columns.kind(row), "") if self.columns.unit(row) else ""
+        from fingerlab.sessions.mapping import drawn_unit
+
+        target, unit = CHANNEL_UNITS.get(self.columns.kind(row), ""), self.columns.unit(row)
+        if not unit:
+            return ""
+        return target if self._axis is None else drawn_unit(unit, target)
 
     def _in_si(self, row: int) -> Array:
         """A column's first rows in the unit of its channel; as they are where that is not known."""
         from fingerlab.core.text import factor
 
-        unit, axis = self.columns.unit(row), self._axis
-        target = self._unit_of(row)
-        of_unit = factor if axis is None else axis.factor
-        times = (of_unit(unit, target) if target and unit else None) or 1.0
+        unit, target = self.columns.unit(row), self._unit_of(row)
+        times = (factor(unit, target) if target and unit else None) or 1.0
         with suppress(UserError):  # said beside the plan
             times *= self.columns.scale(row)
         return np.asarray(self._values[:, row] * times)
@@ -554,11 +598,15 @@ def _plainly(line: str) -> str:
     return words.replace(" * ", " × ")
 
 
-def in_the_window(sentence: str, files: Sequence[Path] = ()) -> str:
-    """A sentence of the command, with the names that options, channels, phases and ``files`` have here."""
+def in_the_window(sentence: str, files: Sequence[Path] = (), axis: bool = False) -> str:
+    """A sentence of the command, with the names that options, channels, phases and ``files`` have here.
+
+    Args:
+        axis: it is of the log of one axis.
+    """
     for path in files:
         sentence = sentence.replace(str(path), path.name)
-    names = {**TITLES, **PHASE_WORDS}
+    names = {**TITLES, **(AXIS_TITLES if axis else {}), **PHASE_WORDS}
     sentence = re.sub(r"'(\w+)'", lambda found: f"'{names.get(found[1], found[1])}'", sentence)
     for phase in PHASES:
         sentence = sentence.replace(f"; {phase}, cable", f"; {PHASE_WORDS.get(phase, phase)}, cable")
@@ -567,4 +615,4 @@ def in_the_window(sentence: str, files: Sequence[Path] = ()) -> str:
     sentence = re.sub(r"(takes a factor to one of them), such as .*", r"\1 under 'Times'.", sentence)
     for option, name in OPTION_NAMES.items():
         sentence = sentence.replace(option, name)
-    return sentence
+    return sentence.replace(OF_AN_AXIS, "") if axis else sentence

@@ -122,7 +122,7 @@ def test_a_log_of_one_axis_from_matlab_becomes_a_session_without_a_finger(
     assert child(dialog, QCheckBox, "importAxis").isChecked()  # by the titles of its columns
     seen = child(dialog, QPlainTextEdit, "importSeen")
     assert "choose them in the table." in seen.toPlainText()
-    units = {"time": "s", "motor position": "deg", "motor current": "A"}
+    units = {"time": "s", "position": "deg", "current": "A"}
     for row in range(3):
         choose(dialog, f"importUnit{row}", units[dialog.columns.title(row)])
     assert "say in 'Torque of an ampere'" in seen.toPlainText()
@@ -179,9 +179,9 @@ def test_a_force_at_a_lever_and_an_encoder_in_counts_are_what_the_command_makes_
     drop(browsing, log)
     dialog = dialog_of(browsing)
     QTest.mouseClick(child(dialog, QCheckBox, "importAxis"), LEFT)
-    choose(dialog, "importIs1", "motor position")
+    choose(dialog, "importIs1", "position")
     choose(dialog, "importUnit1", "rad")
-    choose(dialog, "importIs2", "motor torque")
+    choose(dialog, "importIs2", "torque or force")
     choose(dialog, "importUnit2", "N")
     seen = child(dialog, QPlainTextEdit, "importSeen")
     times = child(dialog, QLineEdit, "importTimes1")
@@ -203,7 +203,7 @@ def test_a_force_at_a_lever_and_an_encoder_in_counts_are_what_the_command_makes_
     assert lever.value() == 50.0
     assert write.isEnabled(), seen.toPlainText()
     dialog.columns.selectRow(1)
-    assert dialog.preview.shown["motor position"][49] == pytest.approx(49 * 0.00153)
+    assert dialog.preview.shown["position"][49] == pytest.approx(49 * 0.00153)
     target = tmp_path / "library" / "drive.h5"
     monkeypatch.setattr(QFileDialog, "getSaveFileName", staticmethod(lambda *_, **__: (str(target), "")))
     QTest.mouseClick(write, LEFT)
