@@ -35,11 +35,18 @@ from ..widgets.tables import ElidedLabel, header_name, heading
 from .acquire_panel import AcquirePanel
 from .bench_controller import BenchController
 from .live_history import PLOTS, QUANTITIES, SHOWN
+from .live_pane import WITH_ERROR
 from .live_plots import WINDOWS_S, LivePlots, Trigger, level_of
 from .recording_control import RecordingControl
 
 if TYPE_CHECKING:
     from fingerlab.models.live import Balance
+
+
+LONGEST_NAME = 24
+"""Letters of a device's name that are seen in any window; a longer one is whole in its tooltip."""
+FINE = ("released", "ready", "held", "beating")
+"""How a line's state ends where it hinders nothing."""
 
 
 class AcquireHeader(QWidget):
@@ -73,6 +80,9 @@ class AcquireHeader(QWidget):
     def show_device(self, name: str, in_protocol: bool) -> None:
         """Which device is connected."""
         self.name.setText(name[:1].upper() + name[1:] if name else "")
+        letters = self.name.fontMetrics()
+        most = LONGEST_NAME * letters.averageCharWidth()
+        self.name.setMinimumWidth(min(letters.horizontalAdvance(self.name.text()), most) + 1)
         self.disconnect_button.setVisible(bool(name))
         self.disconnect_button.setEnabled(not in_protocol)
 
@@ -88,7 +98,11 @@ class AcquireHeader(QWidget):
         wired = [line for line in states if not line.endswith("not wired")]
         short = " · ".join(wired) or ("No emergency stop input" if states else "")
         if self.lines.text() != " · ".join(states):
-            self.lines.set_texts([" · ".join(states), short])
+            fine = wired and all(line.endswith(FINE) for line in wired)
+            worst = next((line for line in wired if not line.endswith(FINE)), short)
+            self.lines.set_texts(
+                [" · ".join(states), short, *(("Lines ready", "✓") if fine else (worst, "⚠"))]
+            )
 
     def show_written(self, path: Path) -> None:
         """Offer what was just recorded."""
@@ -394,13 +408,14 @@ class LiveModelComparison(QObject):
         if model is None:
             return
         for spec in PLOTS:
-            if spec.key in ("torque", "force"):
+            if spec.key in WITH_ERROR:
                 error = model.error(spec.key)
-                words = QUANTITIES[spec.readings[0]].text(error) if error == error else "–"
                 label = self._plots.panes[spec.key].error
-                label.setText(f"error {words}")
+                label.show_value(error)
+                error_words = label.text().removeprefix("error ")
                 label.setToolTip(
-                    f"Root mean square of measured less modelled over the last seconds. The model is "
+                    f"Error of the model, {error_words}: root mean square of measured less modelled over the "
+                    "last seconds. The model is "
                     f"{1e3 * model.delay_s:.0f} ms behind the measurement."
                 )
 

@@ -13,8 +13,8 @@ from fingerlab.sessions.model import Array
 
 from ..widgets.fields import NumberField, form_menu
 from ..widgets.layout import FLUSH, described, hbox, vbox
-from ..widgets.tables import heading, remark
-from ..widgets.theme import colours_of, large_font, line
+from ..widgets.tables import ElidedLabel, heading, remark
+from ..widgets.theme import colours_of, large_font, line, small_font
 from .live_canvas import Canvas
 from .live_curves import ShownPart
 from .live_history import MODELLED, QUANTITIES, LiveHistory, LivePlotSpec, LiveQuantity, LiveTrace
@@ -122,6 +122,11 @@ SPARED = ("motor_speed",), ("motor_current",)
 """Readings that a narrow window leaves out, and those that go next; the cursors tell them all the same."""
 NAMED = ("motor_command",)
 """Readings of which only the name is left in the end, with the sample of its curve."""
+WITH_ERROR = ("torque", "force")
+"""Plots of what a model tells."""
+UNKNOWN = "–"
+ERROR_ROOM = 2
+"""Beside the words of an error, px."""
 GAP, MARGIN, SAMPLE_GAP = 16, 8, 4
 """Between the readings, at either end of their row, and within one, px."""
 
@@ -180,6 +185,46 @@ class LargeReading(QWidget):
                 self.value.setFixedWidth(wanted)
 
 
+class ErrorReading(ElidedLabel):
+    """What the model leaves over, with its unit; where room is short a sign stands for the word."""
+
+    def __init__(self, quantity: LiveQuantity) -> None:
+        super().__init__()
+        self.setFont(small_font())
+        self.setProperty("role", "muted")
+        self._quantity = quantity
+        self._short = False
+        widest = quantity.unit.after("88." + "8" * quantity.digits)
+        self._widths = [self._width(text) for text in self._words(widest)]
+        self.shorten(False)
+        self.show_value(math.nan)
+
+    @staticmethod
+    def _words(value: str) -> tuple[str, str]:
+        return f"error {value}", value if value == UNKNOWN else f"± {value}"
+
+    def show_value(self, value: float) -> None:
+        """Root mean square of measured less modelled, SI; NaN where none is known yet."""
+        words = self._words(self._quantity.text(value) if value == value else UNKNOWN)
+        if words[0] == self.text():
+            return
+        self.set_texts(words)
+        needed = [self._width(text) for text in words]
+        if any(new > old for new, old in zip(needed, self._widths, strict=True)):
+            self._widths = list(map(max, needed, self._widths))  # nothing moves as digits come and go
+            self.shorten(self._short)
+        self.setToolTip("")
+
+    def width_of(self, short: bool) -> int:
+        """What it needs, with the word before the number or a sign, px."""
+        return self._widths[short] + ERROR_ROOM
+
+    def shorten(self, on: bool) -> None:
+        """A sign in place of the word before the number."""
+        self._short = on
+        self.setFixedWidth(self.width_of(on))
+
+
 class LivePane(QWidget):
     """Signals: moved_by_hand(left, right) in s; cursor_moved(number, time)."""
 
@@ -200,7 +245,8 @@ class LivePane(QWidget):
         self._named: list[LargeReading] = []
         self._range = (-spec.least / 2, spec.least / 2)
         self.canvas.y_range = self._range
-        self.error = described(remark(wrap=False), f"error_{spec.key}")
+        first = spec.readings[0] if spec.readings else spec.traces[0].column
+        self.error = described(ErrorReading(QUANTITIES[first]), f"error_{spec.key}")
         self._build()
 
     def _build(self) -> None:
@@ -246,7 +292,7 @@ class LivePane(QWidget):
         """What stands above the plot, and whether it is shown once so much is left out."""
         everything: dict[QWidget, bool] = dict.fromkeys(self.readings.values(), True)
         everything |= dict.fromkeys(self.modelled, self._model or self.spec.model)
-        everything[self.error] = self._model and not self.spec.model
+        everything[self.error] = self._model and self.spec.key in WITH_ERROR
         last = len(SPARED) + 1
         return {one: on and step < self._spared.get(one, last) for one, on in everything.items()}
 
@@ -256,7 +302,10 @@ class LivePane(QWidget):
         widths = []
         for one, shown in self._wanted(step).items():
             valued = not (last and one in self._named)
-            width = one.width_of(valued) if isinstance(one, LargeReading) else one.sizeHint().width()
+            if isinstance(one, LargeReading):
+                width = one.width_of(valued)
+            else:
+                width = one.width_of(last) if isinstance(one, ErrorReading) else one.sizeHint().width()
             widths += [width] if shown else []
         widths.append(self.scale_button.width_of(last))
         return sum(widths) + GAP * len(widths) + 2 * MARGIN
@@ -266,6 +315,7 @@ class LivePane(QWidget):
         last = len(SPARED)
         step = next((one for one in range(last) if self._needed(one) <= self.width()), last)
         self.scale_button.shorten(step == last)
+        self.error.shorten(step == last)
         for reading in self._named:
             reading.value.setHidden(step == last)
         for widget, shown in self._wanted(step).items():
