@@ -130,6 +130,7 @@ class AcquirePanel(QWidget):
         for form in forms.values():
             form.edited.connect(self.history.edited)
             self.history.watch(form.fields)
+        self.protocol.edited.connect(self._refresh_recording)
         self.before.valueChanged.connect(self.history.edited)
         self.history.watch([self.before])
         self.history.shown.connect(self._show_form)
@@ -407,6 +408,8 @@ class AcquirePanel(QWidget):
         for button, fields in ((self.record, [self.before]), (self.run, self.protocol_fields)):
             if button.isEnabled() and not recording.recording:
                 button.refuse(complaint_of(fields))
+        if self.run.isEnabled():
+            self.run.refuse(self.protocol.missing)
         self._refresh_writing()
         status, session = self._controller.status, recording.session
         if self._controller.worker.title == WRITING or recording.writing.under_way:

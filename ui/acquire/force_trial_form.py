@@ -30,6 +30,7 @@ MODEL_FILTER = "Models (*.json);;All files (*)"
 MODEL_HELP = "Model of a diagnosis, saved with its effects: it is sent against the nominal one."
 LONGEST_S = 20.0
 """Of a wanted force that is learned from run to run, as ``force_trial`` takes it."""
+NO_TABLE = "Choose a text table of time (s) and force (N)."
 NO_MODEL = "Choose a saved model: the Model lab saves one once an effect was added."
 NO_RIG = "The torque and its limits are those of a rig; connect one."
 
@@ -100,6 +101,13 @@ class ForceTrialFields(QObject):
         self._name(path)
         self.changed.emit()
 
+    @property
+    def missing(self) -> str:
+        """What has to be chosen first, a sentence; empty where nothing has."""
+        if self.path is None:
+            return NO_MODEL
+        return NO_TABLE if self.wanted.waits_for_file else ""
+
     def trial(self, force: float, rest_s: float) -> ForceTrial:
         """The trial that is set; the operator is asked before its first torque.
 
@@ -111,10 +119,8 @@ class ForceTrialFields(QObject):
         """
         from fingerlab.acquisition.protocols.force_trial import ForceTrial, TrialSettings
 
-        if self.path is None:
-            raise UserError(NO_MODEL)
-        if self.wanted.waits_for_file:
-            raise UserError("Choose a text table of time (s) and force (N).")
+        if self.missing or self.path is None:
+            raise UserError(self.missing)
         if self._rig is None:
             raise UserError(NO_RIG)
         settings = TrialSettings(

@@ -154,6 +154,7 @@ SCAN_HELP = (
     "more). Every one is taken with every one of the other two; left empty, it is as set under By hand."
 )
 TABLE, FORCE_TRIAL = "table", "force_trial"
+NO_TABLE = "No table of runs is chosen; choose one, or another protocol."
 TABLE_FILTER = "Text tables (*.csv *.txt *.tsv);;All files (*)"
 TABLE_HELP = (
     "A row for each kind of run: phase, kind, amplitude_deg, frequency_hz, ...; a number may be a scan."
@@ -293,6 +294,14 @@ class ProtocolForm(QWidget):
         self.trial.show_rig(rig)
         self.edited.emit()
 
+    @property
+    def missing(self) -> str:
+        """What has to be chosen before the protocol can run, a sentence; empty where nothing has."""
+        key = self.which.currentData()
+        if key == FORCE_TRIAL:
+            return self.trial.missing
+        return NO_TABLE if key == TABLE and self._table is None else ""
+
     def title(self) -> str:
         """Name of the protocol, for the session file."""
         key = str(self.which.currentData())
@@ -327,7 +336,7 @@ class ProtocolForm(QWidget):
             return self.planned.steps()
         if key == TABLE:
             if self._table is None:
-                raise UserError("No table of runs is chosen; choose one, or another protocol.")
+                raise UserError(NO_TABLE)
             plans = read_run_table(self._table)
         elif key in PROTOCOLS:
             plans = PROTOCOLS[key](self.amplitude.value())

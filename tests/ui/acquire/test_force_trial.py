@@ -87,6 +87,10 @@ def test_from_the_entry_to_the_result(
     bench: Rig, qtbot: QtBot, model: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert rig_words(bench).startswith("Choose a saved model")
+    bench.run(0.5)
+    run = bench.button("runProtocol")
+    assert not run.isEnabled()  # what is missing stands where the mouse rests, too
+    assert "Choose a saved model: the Model lab saves one" in run.toolTip()
     set_up(bench, model, monkeypatch)
     assert rig_words(bench).startswith("8 runs")
     bench.click("runProtocol")
