@@ -19,7 +19,7 @@ from fingerlab.report.diagnosis_words import (
 
 from ..widgets.fields import centred_column, set_usable
 from ..widgets.layout import FLUSH, Item, Spacer, described, hbox, vbox
-from ..widgets.tables import WholeLabel, header_name, heading, remark
+from ..widgets.tables import ElidedLabel, WholeLabel, header_name, heading, remark
 from ..widgets.theme import large_font, small_font
 from .practice import EXAMPLES
 
@@ -135,11 +135,12 @@ class LabHeader(QWidget):
         self.reveal.setToolTip(
             "Say which effect was put into this practice session. Your guess is what you have added by then."
         )
+        self.answer = described(ElidedLabel(), "revealed", accessible="What was hidden")
         self.report = described(QPushButton("Save report page…"), "report")
         self.open = QPushButton("Open…")
         self.open.setObjectName("open")
         self.open.setToolTip("Open a session file (Ctrl+O), or drop one here.")
-        layout = hbox(self, (self.name, 1), margins=(16, 4, 8, 4), spacing=8)
+        layout = hbox(self, (self.name, 1), (self.answer, 1), margins=(16, 4, 8, 4), spacing=8)
         for button, signal in (
             (self.reveal, self.reveal_asked),
             (self.report, self.report_asked),
@@ -149,11 +150,17 @@ class LabHeader(QWidget):
             layout.addWidget(button)
         self.show_session("", False, False)
 
-    def show_session(self, text: str, practice: bool, ready: bool) -> None:
-        """Say what is open; ``ready`` when there is a diagnosis to report on."""
+    def show_session(self, text: str, practice: bool, ready: bool, answer: str = "") -> None:
+        """Say what is open; ``ready`` when there is a diagnosis to report on.
+
+        Args:
+            practice: an effect is hidden in it. answer: what was, once it is revealed, for the button.
+        """
         # Of the runs as much as there is room for.
         self.name.set_texts((text, text.rpartition(": ")[0] or text, text.rpartition(" · ")[0] or text))
-        self.reveal.setVisible(practice)
+        self.reveal.setVisible(practice and not answer)
+        self.answer.set_texts((answer, answer.removeprefix("Hidden was: ")))
+        self.answer.setVisible(bool(answer))
         self.report.setVisible(ready)
         self.report.setToolTip("The whole comparison as one self-contained page (Ctrl+S).")
 

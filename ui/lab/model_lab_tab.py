@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import traceback
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -53,7 +54,7 @@ class ModelLabTab(Tab):
         self.header = self.bar = LabHeader()
         self.commands = self._commands()
         self._shown = self._waits = False
-        self._recording = ""
+        self._recording = self._answer = ""
         self._glance = QTimer(self, singleShot=True, interval=GLANCE_MS)
         self._glance.timeout.connect(self._keep_view)
         self._connect()
@@ -225,6 +226,8 @@ class ModelLabTab(Tab):
         project = self.controller.project
         if project is not None:
             self.view.look_at(project.view)
+            with suppress(UserError):  # the seal is damaged; Reveal says so
+                self._tell_answer()
             kept = self.controller.project_path.name
             self.context.say(f"As you left it: models, notes and view are from {kept}")
 
@@ -305,6 +308,7 @@ class ModelLabTab(Tab):
         self._glance.stop()
         if sessions and self._view is None:
             self._make_view()  # so that it hears of them
+        self._answer = ""
         self.controller.take(sessions)
         self._waits = bool(sessions)
         self._compare_if_due()
@@ -355,8 +359,17 @@ class ModelLabTab(Tab):
             self.view.show_what_gave_it_away([e for s in sealed for e in practice.hidden_effects(s)])
             if sealed and self.controller.project is not None:
                 self.controller.keep_project(replace(self.controller.project, revealed=True))
+            self._tell_answer()
         except UserError as error:
             self.context.tell(str(error), traceback.format_exc())
+
+    def _tell_answer(self) -> None:
+        """Once it is revealed, what was hidden stands where the button was."""
+        project = self.controller.project
+        sealed = [session for session in self.controller.sessions if practice.is_sealed(session)]
+        if project is not None and project.revealed and sealed:
+            self._answer = "; ".join(dict.fromkeys(map(practice.answer_words, sealed)))
+            self._refresh()
 
     def save_report(self) -> None:
         """Write the report page of what is open, off the GUI thread."""
@@ -406,12 +419,12 @@ class ModelLabTab(Tab):
         return frozenset(c.equation for c in diagnosis.comparisons) if diagnosis is not None else frozenset()
 
     def _sealed(self) -> bool:
-        return any(practice.is_sealed(session) for session in self.controller.sessions)
+        return not self._answer and any(practice.is_sealed(session) for session in self.controller.sessions)
 
     def _refresh(self) -> None:
         sessions, history = self.controller.sessions, self.controller.history
         self.bar.show_session(
-            sessions_text(sessions) if sessions else "", self._sealed(), history is not None
+            sessions_text(sessions) if sessions else "", self._sealed(), history is not None, self._answer
         )
         if not sessions:
             self.empty.show_recent(self.context.settings.recent())

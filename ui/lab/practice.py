@@ -124,6 +124,18 @@ def reveal(
 NEXT = "Next: practise on another, or open recordings of your own."
 
 
+def answer_words(session: Session) -> str:
+    """What a revealed session holds, in a few words: ``Hidden was: Coulomb joint friction``.
+
+    Raises:
+        UserError: as :func:`reveal`.
+    """
+    from fingerlab.report.diagnosis_words import effect_title, in_sentence, listed
+
+    names = [in_sentence(effect_title(name)) for name in hidden_effects(session)]
+    return f"Hidden was: {listed(names)}" if names else "Nothing was hidden"
+
+
 def hidden_effects(session: Session) -> tuple[str, ...]:
     """Ids of the effects that a simulated session holds.
 

@@ -16,9 +16,10 @@ from fingerlab.report.diagnosis_words import effect_title
 from fingerlab.sessions import open_session
 from fingerlab.twin.effects import EFFECTS
 from fingerlab.twin.session import reveal_session
+from fingerlab.ui.app.window import MainWindow
 from fingerlab.ui.lab import practice
 
-from ..hands import child, click, invented_diagnosis, lab_of, wait_for_result
+from ..hands import child, chosen_in_menu, click, invented_diagnosis, lab_of, wait_for_result
 
 PATIENCE = 120_000
 """The twin compiles its integrator at its first use."""
@@ -42,6 +43,7 @@ def test_practise_then_reveal(
     (file,) = (tmp_path / "practice").glob("*.h5")
     assert file.name in window.windowTitle()
     assert len(lab_of(window).controller.sessions[0].runs) == len(open_session(file).runs)
+    assert not child(window, QLabel, "revealed").isVisible()
     click(window, "reveal")
     told = reveal_session(file)["effects"]
     sentence = child(window, QLabel, "message").text()
@@ -49,6 +51,23 @@ def test_practise_then_reveal(
         assert effect_title(name).lower() in sentence.lower()
     if not told:
         assert sentence.startswith("Nothing was hidden")
+    answered(window, told)
+    # The answer stands there when the session is opened again, which nobody can reveal twice.
+    window.context.open_paths([file])
+    wait_for_result(qtbot, window)
+    qtbot.waitUntil(lambda: bool(child(window, QLabel, "revealed").text()), timeout=PATIENCE)
+    answered(window, told)
+
+
+def answered(window: MainWindow, told: dict[str, object]) -> None:
+    """The answer stands in the header in place of the button; the menu has no reveal, either."""
+    answer = child(window, QLabel, "revealed")
+    assert answer.isVisible()
+    assert all(effect_title(name).lower() in answer.text().lower() for name in told)
+    assert answer.text().startswith("Hidden was: " if told else "Nothing was hidden")
+    assert not child(window, QPushButton, "reveal").isVisible()
+    window.menus.tab_menu.aboutToShow.emit()
+    assert not chosen_in_menu(window, "Reveal the hidden effect").isEnabled()
 
 
 def test_cancelled_practice_leaves_nothing_behind(
