@@ -135,7 +135,8 @@ def judge(base: FittedModel, candidates: Sequence[FittedModel]) -> Evidence:
     unknown = -0.5 * unexplained / temperature + np.log(PRIOR_UNKNOWN)
     log_odds = log_odds_among(base, candidates)
     traces = np.array([is_trace(base, t) for t in candidates], dtype=bool)
-    if traces.any():  # nothing is missing of a bench that has no more than a trace of something
+    if traces.any() and traces[np.argmax(log_odds)] and np.logaddexp.reduce(effects) > nothing:
+        # Nothing is missing of a bench that has no more than a trace of something.
         nothing = np.logaddexp.reduce([nothing, *effects[traces]])
         effects, log_odds = (np.where(traces, IMPOSSIBLE, odds) for odds in (effects, log_odds))
         log_odds = log_odds - log_odds.max()
