@@ -219,7 +219,6 @@ def _print(result: Diagnosis, radius: float, budget: bool) -> None:
     from fingerlab.diagnosis.score.calibration import Verdict
     from fingerlab.report import diagnosis_words as words
     from fingerlab.report.line_units import LineUnits
-    from fingerlab.report.line_words import arc_sentence
     from fingerlab.report.recording_words import next_experiment_sentence, paired_sentence
     from fingerlab.report.score_words import how_to_add, machine_sentence, path_sentence, score_words
 
@@ -235,7 +234,7 @@ def _print(result: Diagnosis, radius: float, budget: bool) -> None:
     starred = "; * cannot be ruled out" if result.set else ""
     console.print(f"error: in floors, with that effect in the model{starred}\n")
     if radius:
-        console.print(Text(f"{arc_sentence(radius)}\n"))
+        console.print(Text(f"{LineUnits(radius).arc}\n"))
     for candidate in words.suspected(result):
         console.print(Text(f"{candidate.title}: {candidate.explanation}\n"))
     strange = result.verdict == Verdict.NOT_IN_CATALOGUE and result.set

@@ -141,7 +141,8 @@ LANDING_S = 0.05
 """So long before and behind what looks like a spike of the force it is asked whether a tip was clear and then
 presses, s: a tip that lands knocks, bounces for some 10 ms and stays. Assumed."""
 LANDED_SCATTERS = 4.0
-"""A tip has landed where the force is then higher by so many times what it scatters by before; assumed."""
+"""A tip has landed where the force is then higher by so many times what it scatters by before, or its step;
+assumed."""
 LEAST_SPIKE = 12.0
 """A spike is off by so many times what a channel bends by from sample to sample, or its step; in recordings
 of seven machines, clean ones, nothing but impacts is off by more than ten."""

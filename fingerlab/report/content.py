@@ -31,7 +31,7 @@ from fingerlab.report import diagnosis_words as words
 from fingerlab.report.equation import FinalEquation, final_equation
 from fingerlab.report.figure_style import LABEL_SIZE
 from fingerlab.report.force_figures import FIGURES, force_figure
-from fingerlab.report.line_words import along_the_line, title_along_the_line
+from fingerlab.report.line_units import LineUnits
 from fingerlab.sessions.model import Session
 from fingerlab.signals.periods import REGION_TITLES
 from fingerlab.thesis.analysis import PublishedQuantity, ThesisAnalysis, thesis_analysis
@@ -174,12 +174,12 @@ def _of_motor_bench(session: Session, progress: Progress) -> Analysis:
 
 def _bench_rows(fit: MotorBenchFit, radius: float) -> tuple[tuple[str, str], ...]:
     titles = {"inertia": "Inertia J", "gain": "Gain on the load", "offset": "Offset"}
-    titles = {name: title_along_the_line(title, radius) for name, title in titles.items()}
+    line = LineUnits(radius)
+    titles = {name: line.title(title) for name, title in titles.items()}
     rows = [
         (
             titles[name],
-            estimate_text(along_the_line(value, radius))
-            + (", fixed by the rig" if name in fit.fixed else ""),
+            estimate_text(line.estimate(value)) + (", fixed by the rig" if name in fit.fixed else ""),
         )
         for name, value in fit.parameters.items()
     ]

@@ -101,6 +101,17 @@ class LineUnits:
         digits = len(found["value"].strip("−-").replace(".", "").lstrip("0"))
         return unit.after(f"{float(f'{value * unit.factor:.{max(digits, 2)}g}'):g}".replace("-", "−"))
 
+    @property
+    def arc(self) -> str:
+        """What the angles and torques mean that are still told of the arc; empty where the axis turns."""
+        if not self.radius:
+            return ""
+        return (
+            f"The axis is linear, kept as an arc of {1e3 * self.radius:g} mm: 1 N m is "
+            f"{1.0 / self.radius:g} N, 1 deg is {1e3 * math.radians(self.radius):.3g} mm and 1 N m s/rad is "
+            f"{1.0 / self.radius**2:g} N s/m. Equations, drafted laws and JSON are told so."
+        )
+
     # what a diagnosis is made of
 
     def error(self, one: EquationError) -> EquationError:

@@ -45,7 +45,6 @@ from fingerlab.report.equation_text import (
 )
 from fingerlab.report.figure_style import NamedFigure, Pictures, save_figures
 from fingerlab.report.line_units import line_units
-from fingerlab.report.line_words import arc_sentence
 from fingerlab.report.page_tables import calibration_rows, calibration_sentence, rig_hash, versions
 from fingerlab.report.pdf import pdf_of_page
 from fingerlab.report.recording_words import next_experiment_words, paired_sentence
@@ -201,7 +200,7 @@ def render(content: Content, progress: Progress) -> Page:
         candidates=[_candidate(c, pictures, radius) for c in _drawn_candidates(diagnosis)],
         next_experiment=next_experiment_words(diagnosis, radius),
         model_rows=tables.model_rows(content.bench, radius),
-        arc=arc_sentence(radius),
+        arc=line.arc,
         prediction=content.prediction,
         prediction_picture=_prediction_picture(content.prediction, pictures),
         equation=_equation(content, pictures, title),

@@ -38,7 +38,7 @@ from fingerlab.report.diagnosis_words import (
     UNKNOWN_WORDS,
     shown_best_first,
 )
-from fingerlab.report.line_words import along_the_line, title_along_the_line
+from fingerlab.report.line_units import LineUnits
 from fingerlab.report.parameter_words import is_told, parameter_title, parameter_titles
 from fingerlab.rig.file import CONSTANT_UNITS, Finger, Motor, changed_words, sources_of
 from fingerlab.sessions import content_hash
@@ -140,9 +140,9 @@ def parameter_rows(candidate: Candidate, radius: float = 0.0) -> list[tuple[str,
     Args:
         radius: of the arc as which a linear axis is told, m; 0: it turns.
     """
-    titles = parameter_titles(candidate.effect, list(candidate.parameters))
+    line, titles = LineUnits(radius), parameter_titles(candidate.effect, list(candidate.parameters))
     return [
-        (title_along_the_line(titles[name], radius), estimate_text(along_the_line(value, radius)))
+        (line.title(titles[name]), estimate_text(line.estimate(value)))
         for name, value in candidate.parameters.items()
     ]
 
@@ -160,12 +160,12 @@ def model_rows(parameters: Mapping[str, ParameterEstimate], radius: float = 0.0)
     Args:
         radius: of the arc as which a linear axis is told, m; 0: it turns.
     """
-    rows = []
+    rows, line = [], LineUnits(radius)
     for key in _MODEL_ROWS:
         for name, estimate in parameters.items():
             if name.partition("@")[0] == key and is_told(name, estimate):
-                title = title_along_the_line(parameter_title(name, ()), radius)
-                rows.append((title, estimate_text(along_the_line(estimate, radius))))
+                title = line.title(parameter_title(name, ()))
+                rows.append((title, estimate_text(line.estimate(estimate))))
     return rows
 
 

@@ -26,7 +26,6 @@ from PySide6.QtWidgets import (
 from fingerlab.core.errors import UserError
 from fingerlab.report.diagnosis_words import effect_title, in_sentence
 from fingerlab.report.line_units import LineUnits
-from fingerlab.report.line_words import arc_sentence
 
 from ..app.window import ask_to_run
 from ..widgets.layout import WrappedRow, described, hbox, resize_on_screen, vbox
@@ -337,7 +336,7 @@ class DraftDialog(QDialog):
         from fingerlab.diagnosis.draft.laws import nothing_drafted
 
         self._laws, self._line = tuple(laws), line or LineUnits()
-        self.hint.setText(" ".join(filter(None, (ABOUT_DRAFTS, arc_sentence(self._line.radius)))))
+        self.hint.setText(" ".join(filter(None, (ABOUT_DRAFTS, self._line.arc))))
         self.list.clear()
         for number, law in enumerate(self._laws, 1):
             self.list.addItem(f"{number}. {law.title} ({law.score_before:.2f} to {law.score:.2f} floors)")

@@ -209,7 +209,8 @@ def _lands(values: Array, spikes: IntArray, samples: int) -> BoolArray:
     scatter = 1.4826 * np.median(np.abs(last - before[:, None]), axis=1)
     after = np.median(values[np.minimum(spikes[:, None] + around + 1, len(values) - 1)], axis=1)
     # However lightly it presses at first: the spike of a cable leaves the load cell as it was.
-    touching = (after > pressing) | (after - before > LANDED_SCATTERS * scatter)
+    least = LANDED_SCATTERS * np.maximum(scatter, smallest_step(values))
+    touching = (after > pressing) | (after - before > least)
     return np.asarray((before < pressing) & touching)
 
 
