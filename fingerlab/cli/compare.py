@@ -33,6 +33,7 @@ from fingerlab.report.comparison_words import (
     cell,
     channel_title,
     channels_of,
+    line_of,
     pair_title,
     pairs_json,
     pairs_sentence,
@@ -107,11 +108,12 @@ def _compare_runs(first: Session, second: Session, json_target: str | None) -> N
         write_json(json_ready(pairs_json(found)), json_target)
     if json_target == "-":
         return
-    units = channels_of(found)
-    columns = (f">{unit.label(channel_title(name))}" for name, unit in units.items())
+    units, line = channels_of(found), line_of(found)
+    columns = (f">{unit.label(channel_title(name, line))}" for name, unit in units.items())
     table = result_table("runs", "motion", *columns, padding=(0, 1, 0, 0))
     for pair in found.pairs:
-        table.add_row(*pair_title(pair), *(cell(pair, name, unit).text for name, unit in units.items()))
+        texts = (cell(pair, name, unit, line).text for name, unit in units.items())
+        table.add_row(*pair_title(pair, line), *texts)
     console = table_console()
     console.print(table)
     console.print(Text(pairs_sentence(found)))

@@ -20,7 +20,7 @@ from fingerlab.cli.common import (
 )
 from fingerlab.core.errors import UserError
 from fingerlab.core.plain_data import json_ready
-from fingerlab.core.text import in_words, mean_and_deviation, number, run_names
+from fingerlab.core.text import amount, in_words, mean_and_deviation, number, run_names
 from fingerlab.models.file import estimate_to_json
 from fingerlab.sessions import Session, open_session
 from fingerlab.signals.periods import REGION_TITLES, THRESHOLDS_PERCENT
@@ -210,22 +210,28 @@ def _fit_motor_bench(
 
 
 def _print_motor_bench(session: Session, result: MotorBenchFit) -> None:
-    console = table_console()
+    from fingerlab.report.line_units import line_units
+
+    console, line = table_console(), line_units([session])
+    law = "force = m" if line.radius else "motor_torque = J"
+    load = "load" if line.radius else "load_torque"
     console.print(
         f"{session.path.name}: motor-bench runs only, so no moment arms; fitted "
-        "motor_torque = J * acceleration + gain * load_torque + offset.",
+        f"{law} * acceleration + gain * {load} + offset.",
         soft_wrap=True,
     )
+    mass = "mass" if line.radius else "J"
     table = result_table("parameter", ">value", "source", title=run_names(tuple(result.run_r2)))
     for name, estimate in result.parameters.items():
         source = "fixed by the rig" if name in result.fixed else "fitted"
-        table.add_row("J" if name == "inertia" else name, in_words(estimate), source)
+        table.add_row(mass if name == "inertia" else name, in_words(line.estimate(estimate)), source)
     console.print(table)
     for name in result.absent:
         varied = "load" if name == "gain" else "acceleration"
-        console.print(f"No run varies the {varied}, so {name} was not fitted.", soft_wrap=True)
+        console.print(f"No run varies the {varied}, so {line.called(name)} was not fitted.", soft_wrap=True)
+    error = amount(result.rmse / line.radius, "N") if line.radius else f"{1e3 * result.rmse:.1f} mN m"
     console.print(
-        f"R2 {number(result.r2)}, error {1e3 * result.rmse:.1f} mN m. ± is half the 90 % interval.",
+        f"R2 {number(result.r2)}, error {error}. ± is half the 90 % interval.",
         soft_wrap=True,
     )
 

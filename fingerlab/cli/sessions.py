@@ -5,8 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import fields
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,10 +28,7 @@ from fingerlab.cli.common import (
 from fingerlab.core.errors import UserError
 from fingerlab.core.plain_data import read_object
 from fingerlab.rig.file import (
-    CONSTANT_UNITS,
     GIVES_TORQUE,
-    Finger,
-    Motor,
     Rig,
     default_rig,
     load_axis_rig,
@@ -45,6 +41,7 @@ from fingerlab.sessions.recording_files import CLEAN
 from fingerlab.sessions.trajectory import motion_of_run
 
 if TYPE_CHECKING:
+    from fingerlab.report.line_units import LineUnits
     from fingerlab.sessions.importing import ImportPlan, TextRun
 
 
@@ -354,6 +351,8 @@ def _info_json(session: Session, report: CheckReport) -> dict[str, Any]:
 
 
 def _print_info(session: Session, report: CheckReport) -> None:
+    from fingerlab.report.line_units import line_units
+
     console = table_console(width=110)
     console.print(f"{session.path}: {session.title}", style="bold")
     console.print(f"recorded {session.created}")
@@ -363,8 +362,11 @@ def _print_info(session: Session, report: CheckReport) -> None:
     ended = [str(session.attributes.get(key, "")) for key in ("ended", "ended_note")]
     if ended[0] not in ("", CLEAN):
         console.print(f"ended: {ended[0]}. {ended[1]}".strip())
-    console.print(_runs_table(session, report))
-    constants = _rig_table(session.rig, str(session.attributes["rig"]))
+    line = line_units([session])
+    console.print(_runs_table(session, report, line))
+    if line.radius:
+        console.print(line.file)
+    constants = _rig_table(session.rig, line, str(session.attributes["rig"]))
     console.print(constants if constants.row_count else "no constant of the machine was told")
     for run in session.runs:
         if LEFT_OUT in run.attributes:
@@ -376,19 +378,19 @@ def _print_info(session: Session, report: CheckReport) -> None:
     console.print(f"{len(session.runs)} runs, {seconds:.1f} s; the file keeps the session format.")
 
 
-def _runs_table(session: Session, report: CheckReport) -> Table:
+def _runs_table(session: Session, report: CheckReport, line: LineUnits) -> Table:
     """One row a run; channels are listed where they differ from those of most runs."""
     usual = Counter(tuple(run.units) for run in session.runs).most_common(1)[0][0]
     table = result_table(
         *("run", "phase", "cable", "trajectory", ">seconds", ">samples", ">per second", ">gaps"),
-        caption=f"channels: {', '.join(usual)}",
+        caption=f"channels: {_channel_words(usual, line)}",
         caption_justify="left",
     )
     gaps = {check.run: check.gaps for check in report.runs}
     for run in session.runs:
-        words = motion_of_run(run)
+        words = motion_of_run(run, line.radius)
         if tuple(run.units) != usual:
-            words += f"; channels {', '.join(run.units)}"
+            words += f"; channels {_channel_words(run.units, line)}"
         table.add_row(
             run.name,
             run.phase,
@@ -402,25 +404,25 @@ def _runs_table(session: Session, report: CheckReport) -> Table:
     return table
 
 
-def _rig_table(rig: Rig, stored: str) -> Table:
+def _channel_words(names: Iterable[str], line: LineUnits) -> str:
+    """Channels as the file names them, and what each is along the line of a linear axis."""
+    told = ((name, line.called(name)) for name in names)
+    return ", ".join(f"{name} ({words})" if words != name.replace("_", " ") else name for name, words in told)
+
+
+def _rig_table(rig: Rig, line: LineUnits, stored: str) -> Table:
     """The bench's constants with tolerance and source; angles in degrees, the rest in SI.
 
     Args:
+        line: units of its axis.
         stored: the rig text as the session holds it, to tell its constants from those of the program.
     """
     given = json.loads(stored)
     table = result_table("constant", ">value", "unit", "tolerance", "source")
     sources = sources_of(rig)
-    for name, part, kind in (("finger", rig.finger, Finger), ("motor", rig.motor, Motor)):
-        for spec in fields(kind) if part is not None else ():
-            value, unit = getattr(part, spec.name), CONSTANT_UNITS[spec.name]
-            if value is None or spec.name in rig.untold:
-                continue
-            if unit == "rad":
-                value, unit = math.degrees(value), "°"
-            origin = "session" if spec.name in (given.get(name) or {}) else "not in the session: default"
-            tolerance = rig.tolerance_words(spec.name)
-            table.add_row(
-                spec.name.replace("_", " "), f"{value:.5g}", unit, tolerance, sources.get(spec.name, origin)
-            )
+    for one in line.constants(rig):
+        value, unit = (math.degrees(one.value), "°") if one.unit == "rad" else (one.value, one.unit)
+        origin = "session" if one.key in (given.get(one.part) or {}) else "not in the session: default"
+        tolerance = rig.tolerance_words(one.key)
+        table.add_row(one.name, f"{value:.5g}", unit, tolerance, sources.get(one.key, origin))
     return table

@@ -15,7 +15,7 @@ from fingerlab.core.progress import Progress
 from fingerlab.core.text import screen_unit
 from fingerlab.notebook.diagnosis import DiagnosisView, diagnose
 from fingerlab.notebook.model import Displayable, Displayed, ModelView, ShownTable, effect_ids, fit
-from fingerlab.sessions.model import Run, Session
+from fingerlab.sessions.model import CHANNEL_UNITS, Run, Session
 from fingerlab.sessions.reading import open_session
 
 if TYPE_CHECKING:
@@ -84,10 +84,14 @@ WIDTH_INCHES, ROW_INCHES, MARGIN_INCHES = 7.2, 1.3, 0.5
 
 
 class RunView(Displayed):
-    """One run. ``run`` is the object behind it (``fingerlab.sessions.Run``)."""
+    """One run. ``run`` is the object behind it (``fingerlab.sessions.Run``).
 
-    def __init__(self, run: Run) -> None:
-        self.run = run
+    Args:
+        radius: ``Rig.line_radius`` of its session, m: of a linear axis, whose motion is told in mm.
+    """
+
+    def __init__(self, run: Run, radius: float = 0.0) -> None:
+        self.run, self._radius = run, radius
 
     @property
     def name(self) -> str:
@@ -111,7 +115,9 @@ class RunView(Displayed):
         """
         # matplotlib takes a while to load
         from fingerlab.report.figure_style import MEASURED, label, new_figure
+        from fingerlab.report.line_units import LineUnits
 
+        line = LineUnits(self._radius)
         names = list(channels) or [name for name in USUAL if self.run.has(name)] or list(self.run.units)
         values = self.run.load(dict.fromkeys(("time", *names)))
         if not channels:  # a load cell that was not read holds NaN throughout
@@ -120,10 +126,12 @@ class RunView(Displayed):
         figure, rows = new_figure(len(names), 1, size, sharex=True)
         for axes, name in zip(rows, names, strict=True):
             finite = np.abs(values[name][np.isfinite(values[name])])
-            unit = screen_unit(self.run.units[name], float(finite.max()) if len(finite) else 0.0)
+            largest = float(finite.max()) if len(finite) else 0.0
+            known = name in CHANNEL_UNITS
+            unit = line.channel(name, largest) if known else screen_unit(self.run.units[name], largest)
             axes.plot(values["time"], unit.factor * values[name], color=MEASURED, lw=1.0)
             axes.margins(x=0.0)
-            label(axes, "", unit.label(name.replace("_", " ")))
+            label(axes, "", unit.label(line.called(name)))
         label(rows[-1], "time in the run (s)", rows[-1].get_ylabel())
         figure.align_ylabels()
         return figure
@@ -136,7 +144,7 @@ class RunView(Displayed):
         cable = "no cable" if run.cable == "none" else f"{run.cable} cable"
         line = (
             f"run {run.name}: {PHASE_WORDS.get(run.phase, run.phase)}, {cable}, "
-            f"{motion_of_run(run)}; {run.seconds:.1f} s at {run.sample_rate_hz:g} Hz"
+            f"{motion_of_run(run, self._radius)}; {run.seconds:.1f} s at {run.sample_rate_hz:g} Hz"
         )
         return (line, ShownTable(("channel", "unit"), list(run.units.items())))
 
@@ -155,7 +163,7 @@ class SessionView(Displayed):
     @property
     def runs(self) -> tuple[RunView, ...]:
         """Every run, in the order taken."""
-        return tuple(RunView(run) for run in self.session.runs)
+        return tuple(RunView(run, self.session.rig.line_radius) for run in self.session.runs)
 
     def __len__(self) -> int:
         return len(self.session.runs)
@@ -166,7 +174,7 @@ class SessionView(Displayed):
     def __getitem__(self, name: str) -> RunView:
         for run in self.session.runs:
             if run.name == name:
-                return RunView(run)
+                return RunView(run, self.session.rig.line_radius)
         names = ", ".join(run.name for run in self.session.runs)
         raise UserError(f"{self.path} has no run '{name}'; it holds {names}.")
 

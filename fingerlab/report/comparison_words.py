@@ -14,8 +14,9 @@ from typing import Any
 
 from fingerlab.core.plain_data import json_ready
 from fingerlab.core.progress import SILENT, Watch
-from fingerlab.core.text import ScreenUnit, decimals_for, fixed, largest_of, number, screen_unit
+from fingerlab.core.text import ScreenUnit, decimals_for, fixed, largest_of, number
 from fingerlab.prediction.trial import CAUSES, ModelForce, Trial
+from fingerlab.report.line_units import LineUnits, line_units
 from fingerlab.report.score_words import PHASE_WORDS
 from fingerlab.sessions.model import CHANNEL_UNITS
 from fingerlab.sessions.trajectory import trajectory_words
@@ -36,15 +37,15 @@ class PairCell:
     help: str
 
 
-def channel_title(name: str) -> str:
-    """``Motor torque``, ``MCP angle``."""
-    words = name.replace("_", " ")
+def channel_title(name: str, line: LineUnits) -> str:
+    """``Motor torque``, ``MCP angle``; ``Force`` of an axis along a line."""
+    words = line.called(name)
     return words[:3].upper() + words[3:] if words[:3] in ("mcp", "pip") else words[:1].upper() + words[1:]
 
 
 def channels_of(found: SessionPair) -> dict[str, ScreenUnit]:
     """The channels that any pair has, each with the unit that its differences are shown in."""
-    units = {}
+    units, line = {}, line_of(found)
     for name in COMPARED:
         largest = largest_of(
             math.hypot(one.offset, one.rms)
@@ -52,19 +53,25 @@ def channels_of(found: SessionPair) -> dict[str, ScreenUnit]:
             for one in ([pair.channels[name]] if name in pair.channels else [])
         )
         if any(name in pair.channels for pair in found.pairs):
-            units[name] = screen_unit(CHANNEL_UNITS[name], largest)
+            units[name] = line.channel(name, largest)
     return units
 
 
-def pair_title(pair: RunPair) -> tuple[str, str]:
+def line_of(found: SessionPair) -> LineUnits:
+    """Units of the axis that both sessions are of."""
+    return line_units((found.first,))
+
+
+def pair_title(pair: RunPair, line: LineUnits) -> tuple[str, str]:
     """Runs and motion: ``001 – 003``, ``on air, extension, sine, 15°, 1 Hz``."""
     run = pair.first
     cable = "" if run.cable == "none" else f", {run.cable}"
-    words = trajectory_words({k: v for k, v in run.trajectory.items() if k != "offset_deg"})
+    told = {k: v for k, v in run.trajectory.items() if k != "offset_deg"}
+    words = trajectory_words(told, line.radius)
     return f"{run.name} – {pair.second.name}", f"{PHASE_WORDS.get(run.phase, run.phase)}{cable}, {words}"
 
 
-def cell(pair: RunPair, name: str, unit: ScreenUnit) -> PairCell:
+def cell(pair: RunPair, name: str, unit: ScreenUnit, line: LineUnits) -> PairCell:
     """Difference (root mean square, its constant part included) and how many times the scatter that is."""
     if name not in pair.channels:
         return PairCell("–", math.nan, "One of the two runs did not read it.")
@@ -77,7 +84,7 @@ def cell(pair: RunPair, name: str, unit: ScreenUnit) -> PairCell:
     where = f"at phase {one.largest_at:.2f} of the cycle" if pair.periodic else f"at {one.largest_at:.1f} s"
     scatter = "no cycle repeats" if math.isnan(usual) else f"a cycle scatters by {fixed(usual, digits)}"
     said = (
-        f"{channel_title(name)}, second less first, {unit.symbol}: {fixed(offset, digits)} all along, "
+        f"{channel_title(name, line)}, second less first, {unit.symbol}: {fixed(offset, digits)} all along, "
         f"{fixed(rest, digits)} about it, most {where}; {scatter}."
     )
     return PairCell(fixed(whole, digits) + times, one.times, said)
@@ -86,7 +93,7 @@ def cell(pair: RunPair, name: str, unit: ScreenUnit) -> PairCell:
 def pairs_sentence(found: SessionPair) -> str:
     """How many runs have a partner, and which channel stands out most."""
     first, second = found.first.path.name, found.second.path.name
-    count = len(found.pairs)
+    count, line = len(found.pairs), line_of(found)
     said = [f"{count} run{'s' * (count != 1)} of the same motion in {first} and {second}"]
     for runs, session in ((found.only_first, found.first), (found.only_second, found.second)):
         if runs:
@@ -101,8 +108,8 @@ def pairs_sentence(found: SessionPair) -> str:
     if notable:
         times, name, pair = max(notable, key=lambda entry: entry[0])
         return (
-            f"{sentence} {channel_title(name)} differs most, in {pair_title(pair)[0]}: {times:.1f} times the "
-            "scatter of a cycle."
+            f"{sentence} {channel_title(name, line)} differs most, in {pair_title(pair, line)[0]}: "
+            f"{times:.1f} times the scatter of a cycle."
         )
     if any(not math.isnan(one.times) for pair in found.pairs for one in pair.channels.values()):
         return f"{sentence} No channel differs by more than {NOTABLE:g} times the scatter of a cycle."

@@ -1,8 +1,8 @@
-"""One place for the units of a linear axis: a diagnosis of the arc as one of masses, forces and lengths.
+"""One place for the units of a linear axis: what is told of an arc as masses, forces and lengths.
 
 A session of such an axis holds angles and torques about a radius (``docs/file-format.md``), and so does what
-is worked out of it. What is shown of it goes through :class:`LineUnits`, in the window, on the page and on
-the terminal; of an axis that turns all of it stays the same object.
+is worked out of it. What is shown of it, channels, constants and diagnosis, goes through :class:`LineUnits`,
+in the window, on the page and on the terminal; of an axis that turns all of it stays the same object.
 """
 
 from __future__ import annotations
@@ -10,13 +10,21 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
-from fingerlab.core.text import RAD_IN_DEGREE, ParameterEstimate, ScreenUnit, estimate_text, screen_unit
+from fingerlab.core.text import (
+    RAD_IN_DEGREE,
+    ParameterEstimate,
+    ScreenUnit,
+    estimate_text,
+    listed,
+    screen_unit,
+)
 from fingerlab.diagnosis.answer.error_parts import Budget, BudgetPart, Comparison, EquationError
 from fingerlab.diagnosis.answer.results import BenchFinding, Candidate, Diagnosis, Fingerprint, FirstLook
 from fingerlab.diagnosis.answer.stretches import unit_of_place
-from fingerlab.sessions.model import Session
+from fingerlab.rig.file import CONSTANT_UNITS, GIVES_TORQUE, Finger, Motor, Rig
+from fingerlab.sessions.model import CHANNEL_UNITS, Session
 
 EQUATIONS = {"motor_torque": "motor_force"}
 """Id of an equation, and of its family, about the arc; the one that tells the same along the line."""
@@ -30,8 +38,29 @@ WORDS = (
 """In titles of parameters: what stands for an angular quantity."""
 PLACES = ((r"\b(?:motor )?angle\b", "position"), (r"\bmotor (speed|acceleration)\b", r"\1"))
 """In what a residual is drawn over, and in sentences: the same of a place."""
+CALLED = {
+    "motor_command": "command",
+    "motor_position": "position",
+    "motor_torque": "force",
+    "motor_current": "current",
+    "load_torque": "load",
+    "inertia": "mass",
+    "torque_constant": "force constant",
+}
+"""What channels of a session, and constants of its rig, are called where they are of a line."""
 TURN = 2.0 * math.pi
 """rad."""
+
+
+@dataclass(frozen=True)
+class Constant:
+    """A constant of a bench. ``part`` and ``key`` of the rig file; ``name`` in words; ``unit`` SI."""
+
+    part: str
+    key: str
+    name: str
+    value: float
+    unit: str
 
 
 @dataclass(frozen=True)
@@ -106,11 +135,47 @@ class LineUnits:
         """What the angles and torques mean that are still told of the arc; empty where the axis turns."""
         if not self.radius:
             return ""
-        return (
-            f"The axis is linear, kept as an arc of {1e3 * self.radius:g} mm: 1 N m is "
-            f"{1.0 / self.radius:g} N, 1 deg is {1e3 * math.radians(self.radius):.3g} mm and 1 N m s/rad is "
-            f"{1.0 / self.radius**2:g} N s/m. Equations, drafted laws and JSON are told so."
-        )
+        return f"{self._kept(f'1 N m s/rad is {1.0 / self.radius**2:g} N s/m')} {STILL_OF_THE_ARC}"
+
+    @property
+    def file(self) -> str:
+        """What the angles and torques of its session file mean; empty where the axis turns."""
+        return f"{self._kept()} The file and what is exported of it are told so." if self.radius else ""
+
+    def _kept(self, *more: str) -> str:
+        degree = f"1 deg is {1e3 * math.radians(self.radius):.3g} mm"
+        units = listed((f"1 N m is {1.0 / self.radius:g} N", degree, *more))
+        return f"The axis is linear, kept as an arc of {1e3 * self.radius:g} mm: {units}."
+
+    # what a session holds
+
+    def called(self, key: str) -> str:
+        """A channel of a session, or a constant of its rig, in words: ``motor torque``; along a line
+        ``force``.
+        """
+        words = key.replace("_", " ")
+        return CALLED.get(key, words) if self.radius else words
+
+    def channel(self, name: str, largest: float) -> ScreenUnit:
+        """The unit on the screen of a channel of the session format, whose values, SI, reach ``largest``."""
+        return self.screen(CHANNEL_UNITS[name], largest)
+
+    def constants(self, rig: Rig) -> list[Constant]:
+        """What somebody said of a bench, in the order of its rig file.
+
+        Of an axis along a line the moving mass, and what an ampere gives there with its gear, N/A.
+        """
+        found = []
+        for part, given, kind in (("finger", rig.finger, Finger), ("motor", rig.motor, Motor)):
+            for key in [one.name for one in fields(kind)] if given is not None else ():
+                value = getattr(given, key)
+                if self.radius and key in GIVES_TORQUE:  # of the motor, which the line sees through its gear
+                    value = rig.ampere or None if key == "torque_constant" else None
+                if value is None or key in rig.untold:
+                    continue
+                unit, factor = self.unit(CONSTANT_UNITS[key])
+                found.append(Constant(part, key, self.called(key), value * factor, unit))
+        return found
 
     # what a diagnosis is made of
 
@@ -224,6 +289,9 @@ class LineUnits:
 def line_units(sessions: Sequence[Session]) -> LineUnits:
     """Those of the axis that these sessions, of one machine, are of."""
     return LineUnits(sessions[0].rig.line_radius if sessions else 0.0)
+
+
+STILL_OF_THE_ARC = "Equations, drafted laws and JSON are told so."
 
 
 def _id(name: str) -> str:

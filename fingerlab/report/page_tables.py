@@ -8,7 +8,7 @@ import math
 import platform
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
 
@@ -40,7 +40,7 @@ from fingerlab.report.diagnosis_words import (
 )
 from fingerlab.report.line_units import LineUnits
 from fingerlab.report.parameter_words import is_told, parameter_title, parameter_titles
-from fingerlab.rig.file import CONSTANT_UNITS, Finger, Motor, changed_words, sources_of
+from fingerlab.rig.file import changed_words, sources_of
 from fingerlab.sessions import content_hash
 from fingerlab.sessions.model import Run, Session
 from fingerlab.sessions.trajectory import motion_of_run
@@ -190,7 +190,7 @@ def run_rows(session: Session) -> list[RunRow]:
             blocks[-1].append(run)
         else:
             blocks.append([run])
-    return [_run_row(block) for block in blocks]
+    return [_run_row(block, session.rig.line_radius) for block in blocks]
 
 
 def _alike(one: Run, other: Run) -> bool:
@@ -201,13 +201,13 @@ def _alike(one: Run, other: Run) -> bool:
     return mine == theirs and abs(one.seconds - other.seconds) < 0.05 * max(one.seconds, 1.0)
 
 
-def _run_row(block: Sequence[Run]) -> RunRow:
+def _run_row(block: Sequence[Run], radius: float) -> RunRow:
     first, last = block[0], block[-1]
     names = first.name if len(block) == 1 else f"{first.name} to {last.name}"
     seconds = f"{len(block)} × {first.seconds:.1f}" if len(block) > 1 else f"{first.seconds:.1f}"
     cable = "–" if first.cable == "none" else first.cable
     phase = PHASE_WORDS.get(first.phase, first.phase)
-    words = motion_of_run(first)
+    words = motion_of_run(first, radius)
     return RunRow(names, len(block), phase, cable, words, seconds, f"{first.sample_rate_hz:g}")
 
 
@@ -225,19 +225,13 @@ def rig_rows(session: Session) -> list[RigRow]:
     """The bench's constants; one that the file does not give is marked as a default."""
     rig, rows = session.rig, []
     sources, given = sources_of(rig), _given(session)
-    for group, part, kind in (("finger", rig.finger, Finger), ("motor", rig.motor, Motor)):
-        for spec in fields(kind) if part is not None else ():
-            value = getattr(part, spec.name)
-            if value is None or spec.name in rig.untold:
-                continue
-            unit = screen_unit(CONSTANT_UNITS[spec.name], abs(value))
-            shown = unit.after(f"{value * unit.factor:.4g}".replace("-", "−"))
-            tolerance = rig.tolerance_words(spec.name)
-            name = "rotor, gearbox and pulley inertia" if spec.name == "inertia" else spec.name
-            name = name.replace("_", " ")
-            name = {"mcp": "MCP", "pip": "PIP"}.get(name[:3], name[:3].capitalize()) + name[3:]
-            origin = "the session file" if spec.name in given.get(group, {}) else "not in the file: default"
-            rows.append(RigRow(name, shown, tolerance, sources.get(spec.name, origin)))
+    for one in LineUnits(rig.line_radius).constants(rig):
+        unit = screen_unit(one.unit, abs(one.value))
+        shown = unit.after(f"{one.value * unit.factor:.4g}".replace("-", "−"))
+        name = "rotor, gearbox and pulley inertia" if one.name == "inertia" else one.name
+        name = {"mcp": "MCP", "pip": "PIP"}.get(name[:3], name[:3].capitalize()) + name[3:]
+        origin = "the session file" if one.key in given.get(one.part, {}) else "not in the file: default"
+        rows.append(RigRow(name, shown, rig.tolerance_words(one.key), sources.get(one.key, origin)))
     return rows
 
 

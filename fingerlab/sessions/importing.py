@@ -154,6 +154,12 @@ def moves_along_a_line(plan: ImportPlan) -> bool:
     return plan.source.axis is not None and any(is_linear(c.unit, "rad") for c in _angles(plan))
 
 
+def _line_radius(plan: ImportPlan) -> float:
+    """Of the arc as which the axis will be told, m; 0: it turns."""
+    axis = plan.source.axis
+    return axis.radius if axis is not None and moves_along_a_line(plan) else 0.0
+
+
 def _angles(plan: ImportPlan) -> list[Column]:
     return [column for column in plan.columns if column.target_unit == "rad"]
 
@@ -285,7 +291,8 @@ def describe(plan: ImportPlan) -> list[str]:
         lines.append(f"  {column.channel} <- column {column.index + 1} [{column.unit or '-'}]{change}"
                      f" ({column.source})")  # fmt: skip
     if plan.read_from_command:
-        lines.append(f"  trajectory <- {trajectory_words(plan.trajectory)} (read from motor_command)")
+        told = trajectory_words(plan.trajectory, _line_radius(plan))
+        lines.append(f"  trajectory <- {told} (read from motor_command)")
     if plan.counted_time:
         lines.append(f"  time <- counted at {plan.sample_rate_hz:g} samples a second")
     lines += [f"  {channel} <- {formula} (derived)" for channel, formula in plan.derived.items()]

@@ -138,13 +138,18 @@ def trajectory_words(trajectory: Mapping[str, Any], radius: float = 0.0) -> str:
     """What the motor was told to do, such as ``sine, 15°, 1 Hz, about 22°``.
 
     Args:
-        radius: of the arc as which a linear axis is told, m, for lengths in place of angles; 0: it turns.
+        radius: of the arc as which a linear axis is told, m, for lengths and forces in place of angles and
+            torques; 0: it turns.
     """
 
     def angle(degrees: Any) -> str:
         if radius and isinstance(degrees, int | float):
             return f"{1e3 * radius * np.radians(degrees):.3g} mm"
         return f"{_number(degrees)}°"
+
+    def is_rounding(degrees: Any) -> bool:
+        numbers = isinstance(degrees, int | float) and isinstance(amplitude, int | float)
+        return numbers and 0 < abs(degrees) < NOTHING * abs(amplitude)
 
     rest = dict(trajectory)
     kind = str(rest.pop("kind", "unknown"))
@@ -158,23 +163,36 @@ def trajectory_words(trajectory: Mapping[str, Any], radius: float = 0.0) -> str:
     if frequency is not None:
         words += f", {_number(frequency)} Hz"
     offset = rest.pop("offset_deg", None)
-    if offset is not None:
+    if offset is not None and not is_rounding(offset):
         words += f", about {angle(offset)}"
     middle, half = rest.pop("offset_n_m", None), rest.pop("amplitude_n_m", None)
     if isinstance(middle, int | float) and isinstance(half, int | float):
-        words += f", {_number(1e3 * (middle - half))} to {_number(1e3 * (middle + half))} mN m"
+        unit, factor = ("N", 1.0 / radius) if radius else ("mN m", 1e3)
+        words += f", {_number(factor * (middle - half))} to {_number(factor * (middle + half))} {unit}"
     wanted = rest.pop("wanted_force", None)
     if isinstance(wanted, Mapping):
         words += f", for a wanted force ({', '.join(f'{k} {_number(v)}' for k, v in wanted.items())})"
     for key, value in rest.items():
-        words += ", until stopped" if key == "until_stopped" and value is True else f", {_named(key, value)}"
+        if key == "until_stopped" and value is True:
+            words += ", until stopped"
+        elif radius and key.endswith("_deg") and isinstance(value, int | float):
+            words += f", {key.removesuffix('_deg').replace('_', ' ')} {angle(value)}"
+        else:
+            words += f", {_named(key, value)}"
     return words
 
 
-def motion_of_run(run: Run) -> str:
-    """What the motor was told to do in a run, and what of the machine was changed for it."""
-    return ", ".join(filter(None, (trajectory_words(run.trajectory), changed_words(run.attributes))))
+def motion_of_run(run: Run, radius: float) -> str:
+    """What the motor was told to do in a run, and what of the machine was changed for it.
 
+    Args:
+        radius: ``Rig.line_radius`` of its session, m; as for :func:`trajectory_words`.
+    """
+    return ", ".join(filter(None, (trajectory_words(run.trajectory, radius), changed_words(run.attributes))))
+
+
+NOTHING = 1e-6
+"""Share of the amplitude below which what a sine was read to go about is not told."""
 
 UNITS = {"_s": " s", "_hz": " Hz", "_deg": "°", "_n": " N"}
 """What the end of a number's name says of its unit."""

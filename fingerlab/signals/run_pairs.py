@@ -124,8 +124,14 @@ def compare_sessions(a: Session, b: Session, watch: Watch = SILENT) -> SessionPa
     """Every run of one session beside the run of the same motion of another.
 
     Raises:
-        UserError: no motion is in both. Cancelled: the user asked for it.
+        UserError: no motion is in both, or their axes are told of other arcs. Cancelled: the user asked
+            for it.
     """
+    if a.rig.line_radius != b.rig.line_radius:
+        raise UserError(
+            f"{a.path.name} is {_axis_words(a)} and {b.path.name} {_axis_words(b)}; compare sessions of one "
+            "kind of axis, imported with the same --radius."
+        )
     pairs, left, right = paired(a, b)
     if not pairs:
         raise UserError(
@@ -140,6 +146,11 @@ def compare_sessions(a: Session, b: Session, watch: Watch = SILENT) -> SessionPa
         except UserError as error:
             refused.append(str(error))
     return SessionPair(a, b, tuple(found), tuple(left), tuple(right), tuple(refused))
+
+
+def _axis_words(session: Session) -> str:
+    radius = session.rig.line_radius
+    return f"of a linear axis kept as an arc of {1e3 * radius:g} mm" if radius else "of an axis that turns"
 
 
 def compare_runs(first: Run, second: Run) -> RunPair:

@@ -18,6 +18,7 @@ import fingerlab
 from fingerlab.core.errors import UserError
 from fingerlab.notebook.model import ShownTable, filled
 from fingerlab.sessions import Run
+from tests.stage import stage_session
 
 MakeSession = Callable[..., Path]
 
@@ -184,3 +185,12 @@ def test_the_catalogue_prints_every_effect() -> None:
     gain = one.effect.gains["coulomb_mcp"]
     assert f"{gain.low:g} to {gain.high:g}" in shown
     assert f"What reveals it: {one.effect.reveal}." in " ".join(shown.split())
+
+
+def test_a_run_of_a_linear_axis_is_drawn_in_mm_and_its_numbers_stay_those_of_the_file(tmp_path: Path) -> None:
+    run = fingerlab.open(stage_session(tmp_path))["001"]
+    assert "sine, 10 mm, 0.5 Hz" in repr(run)
+    axes = run.figure("motor_position", "motor_torque").axes
+    assert [one.get_ylabel() for one in axes] == ["position (mm)", "force (N)"]
+    assert np.abs(axes[0].lines[0].get_ydata()).max() == pytest.approx(10.0, abs=1e-3)
+    assert np.abs(run.to_xarray()["motor_position"]).max() == pytest.approx(1.0, abs=1e-4)  # rad

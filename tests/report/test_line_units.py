@@ -12,6 +12,7 @@ from fingerlab.diagnosis.answer.error_parts import Comparison
 from fingerlab.diagnosis.answer.residual_profiles import profile
 from fingerlab.report.line_units import LineUnits
 from fingerlab.report.parameter_words import held_words
+from fingerlab.rig.file import Motor, Rig
 
 RADIUS = 0.02
 LINE = LineUnits(RADIUS)
@@ -106,3 +107,34 @@ def test_an_estimate_keeps_its_share() -> None:
         "low": 7.5,
         "high": pytest.approx(15.0),
     }
+
+
+def test_channels_and_constants_have_the_words_and_units_of_the_line() -> None:
+    """At 20 mm 3 mN m are 0.15 N and 1 rad is 20 mm; 1.2e-3 kg m2 are 3 kg, 0.1 N m/A times 4 are 20 N/A."""
+    assert [LINE.called(name) for name in ("motor_position", "motor_torque", "temperature_case")] == [
+        "position", "force", "temperature case",
+    ]  # fmt: skip
+    assert LineUnits().called("motor_torque") == "motor torque"
+    position, force = LINE.channel("motor_position", 1.0), LINE.channel("motor_torque", 3e-2)
+    assert (position.symbol, position.factor) == ("mm", pytest.approx(20.0))
+    assert (force.symbol, 3e-2 * force.factor) == ("N", pytest.approx(1.5))
+    assert LINE.channel("motor_current", 2.0).symbol == "A"
+    rig = Rig(None, Motor(torque_constant=0.1, gear_ratio=4.0, inertia=1.2e-3))
+    told = {one.name: (one.key, one.unit, one.value) for one in LINE.constants(rig)}
+    assert told == {
+        "force constant": ("torque_constant", "N/A", pytest.approx(20.0)),
+        "mass": ("inertia", "kg", pytest.approx(3.0)),
+    }
+    arc = {one.name: (one.unit, one.value) for one in LineUnits().constants(rig)}
+    assert arc == {
+        "torque constant": ("N m/A", 0.1), "gear ratio": ("", 4.0), "inertia": ("kg m^2", 1.2e-3),
+    }  # fmt: skip
+
+
+def test_what_is_still_told_of_the_arc_is_explained() -> None:
+    assert LINE.file == (
+        "The axis is linear, kept as an arc of 20 mm: 1 N m is 50 N and 1 deg is 0.349 mm. The file and what "
+        "is exported of it are told so."
+    )
+    assert "1 N m is 50 N, 1 deg is 0.349 mm and 1 N m s/rad is 2500 N s/m. Equations" in LINE.arc
+    assert LineUnits().file == LineUnits().arc == ""

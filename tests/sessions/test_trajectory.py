@@ -75,3 +75,15 @@ def test_a_long_list_is_cut() -> None:
     assert words.startswith("multisine, ratios [1.5, ")
     assert words.endswith("...")
     assert len(words) < 70
+
+
+def test_a_linear_axis_moves_by_lengths_and_is_driven_by_forces() -> None:
+    """On an arc of 10 mm a radian is 10 mm and 0.01 N m is 1 N."""
+    sine = {"kind": "sine", "amplitude_deg": 57.29578, "frequency_hz": 0.5, "offset_deg": 114.59156}
+    assert trajectory_words(sine, 0.01) == "sine, 10 mm, 0.5 Hz, about 20 mm"
+    read = {**sine, "offset_deg": 4.1e-11}  # what a fit to samples leaves of no offset
+    assert trajectory_words(read, 0.01) == "sine, 10 mm, 0.5 Hz"
+    assert trajectory_words({**sine, "offset_deg": 0}) == "sine, 57.3°, 0.5 Hz, about 0°"
+    torque = {"kind": "torque", "offset_n_m": 0.05, "amplitude_n_m": 0.02}
+    assert trajectory_words(torque, 0.01).endswith("3 to 7 N")
+    assert trajectory_words({"kind": "ramp", "end_deg": 57.29578}, 0.01) == "ramp, end 10 mm"

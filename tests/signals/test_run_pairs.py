@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from fingerlab.core.errors import UserError
+from fingerlab.rig.file import LINEAR_AXIS
 from fingerlab.sessions import Session, open_session
 from fingerlab.signals.run_pairs import compare_runs, compare_sessions, paired
 
@@ -106,3 +107,21 @@ def test_sessions_without_a_common_motion_are_refused(make_session: Callable[...
     with pytest.raises(UserError, match="no motion in common"):
         compare_sessions(a, b)
     assert len(compare_sessions(a, a).pairs) == 1
+
+
+def test_axes_told_of_other_arcs_are_refused(make_session: Callable[..., Path]) -> None:
+    """A radian of one is another length of the other."""
+
+    def arc(radius: float) -> Callable[[h5py.File], None]:
+        def change(file: h5py.File) -> None:
+            rig = json.loads(file.attrs["rig"])
+            file.attrs["rig"] = json.dumps({**rig, LINEAR_AXIS: {"radius_m": radius}})
+
+        return change
+
+    one, other = (open_session(make_session(f"{r}.h5", arc(r))) for r in (0.01, 0.02))
+    with pytest.raises(UserError, match=r"an arc of 10 mm and 0\.02\.h5 of a linear axis kept .* 20 mm"):
+        compare_sessions(one, other)
+    turning = open_session(make_session("turning.h5"))
+    with pytest.raises(UserError, match=r"turning\.h5 of an axis that turns"):
+        compare_sessions(one, turning)

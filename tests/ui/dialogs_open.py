@@ -22,6 +22,7 @@ from PySide6.QtWidgets import (
 
 from fingerlab.models.file import TriedModel
 from fingerlab.prediction.comparing import ComparedModel, ModelComparison
+from fingerlab.rig.file import default_rig
 from fingerlab.ui.acquire.acquire_bars import FROM_FILE
 from fingerlab.ui.acquire.acquire_tab import ask_to_close
 from fingerlab.ui.acquire.connect_page import MODEL, ConnectPage
@@ -67,7 +68,7 @@ def _drafted(stage: Stage) -> None:
 
 
 def _run_by_run(stage: Stage) -> None:
-    session = SimpleNamespace(path=stage.session)
+    session = SimpleNamespace(path=stage.session, rig=default_rig())
     found: Any = SimpleNamespace(
         first=session, second=session, pairs=(), only_first=(), only_second=(), refused=()
     )

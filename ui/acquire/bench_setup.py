@@ -243,9 +243,14 @@ def run_choices(path: Path) -> tuple[tuple[str, str], ...]:
     from fingerlab.sessions import open_session
     from fingerlab.sessions.trajectory import trajectory_words
 
+    session = open_session(path)
+    radius = session.rig.line_radius
     return tuple(
-        (run.name, f"Run {run.name}: {run.phase.replace('_', ' ')}, {trajectory_words(run.trajectory)}")
-        for run in open_session(path).runs
+        (
+            run.name,
+            f"Run {run.name}: {run.phase.replace('_', ' ')}, {trajectory_words(run.trajectory, radius)}",
+        )
+        for run in session.runs
     )
 
 

@@ -10,7 +10,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtGui import QFontMetrics
 from PySide6.QtWidgets import QHeaderView, QLabel, QTableWidgetItem, QWidget
 
-from fingerlab.core.text import NEWTON, ScreenUnit, fixed, largest_of, screen_unit
+from fingerlab.core.text import NEWTON, ScreenUnit, fixed, largest_of
 from fingerlab.diagnosis.settings import Z90
 from fingerlab.prediction.trial import Trial
 from fingerlab.report.comparison_words import (
@@ -18,12 +18,14 @@ from fingerlab.report.comparison_words import (
     cell,
     channel_title,
     channels_of,
+    line_of,
     pair_title,
     pairs_sentence,
     result_sentences,
     trial_row,
 )
-from fingerlab.sessions.model import CHANNEL_UNITS, Array
+from fingerlab.report.line_units import LineUnits
+from fingerlab.sessions.model import Array
 from fingerlab.signals.run_pairs import ChannelPair, RunPair, SessionPair
 
 from ..app.context import ApplicationContext, read_session
@@ -173,6 +175,7 @@ class PairPlot(QuietPlot):
     def __init__(self, name: str, accessible: str, difference: bool, parent: QWidget | None = None) -> None:
         self._difference = difference
         self._pair: tuple[RunPair, str, tuple[str, str]] | None = None
+        self._line = LineUnits()
         super().__init__(name, accessible, parent)
         self.setToolTip(
             "Second less first; the band is what one cycle differs by from another of its run (90 %)."
@@ -180,8 +183,9 @@ class PairPlot(QuietPlot):
             else "Mean cycles of both runs; phase 0 is where the motor passes its mean, rising."
         )
 
-    def show_pair(self, pair: RunPair | None, channel: str, names: tuple[str, str]) -> None:
-        """Show a channel of a pair; ``names`` of the two sessions."""
+    def show_pair(self, pair: RunPair | None, channel: str, names: tuple[str, str], line: LineUnits) -> None:
+        """Show a channel of a pair; ``names`` of the two sessions, ``line`` of their axis."""
+        self._line = line
         self._pair = (pair, channel, names) if pair is not None and channel in pair.channels else None
         self.redraw()
 
@@ -192,7 +196,7 @@ class PairPlot(QuietPlot):
         curves = list(zip(names, (one.first, one.second), strict=True))
         if self._difference:
             curves = [("second less first", one.second - one.first)]
-        unit = screen_unit(CHANNEL_UNITS[channel], largest_of(float(np.abs(y).max()) for _, y in curves))
+        unit = self._line.channel(channel, largest_of(float(np.abs(y).max()) for _, y in curves))
         return pair, one, unit, [(name, y * unit.factor) for name, y in curves]
 
     def redraw(self) -> None:
@@ -201,7 +205,7 @@ class PairPlot(QuietPlot):
         if self._pair is None:
             return
         pair, one, unit, curves = self._curves()
-        title = "Difference" if self._difference else channel_title(self._pair[1])
+        title = "Difference" if self._difference else channel_title(self._pair[1], self._line)
         self.name_axes(title, unit, "Phase (of a cycle)" if pair.periodic else "Time (s)")
         values = [y for _, y in curves]
         if self._difference:
@@ -222,7 +226,7 @@ class PairPlot(QuietPlot):
             return []
         pair, _, unit, curves = self._curves()
         across = "Phase (of a cycle)" if pair.periodic else "Time (s)"
-        label = unit.label(channel_title(self._pair[1]))
+        label = unit.label(channel_title(self._pair[1], self._line))
         return [Series(name, across, label, pair.axis, y) for name, y in curves]
 
 
@@ -253,22 +257,21 @@ class PairsDialog(ResultDialog):
         """Show two sessions that were compared."""
         self._found = found
         self.words.setText(" ".join((pairs_sentence(found), *found.refused)))
-        units = channels_of(found)
+        units, line = channels_of(found), line_of(found)
         self._channels = tuple(units)
         columns = [("Runs", "Of the first session and of the second."), ("Motion", "That both were told.")]
-        columns += [
-            (unit.label(channel_title(n)), f"{channel_title(n)}: difference.") for n, unit in units.items()
-        ]
+        titles = {name: channel_title(name, line) for name in units}
+        columns += [(unit.label(titles[n]), f"{titles[n]}: difference.") for n, unit in units.items()]
         self.table.set_columns(columns, words=2)
         self.table.setRowCount(len(found.pairs))
         colour = colours_of(self).residual
         for row, pair in enumerate(found.pairs):
-            for column, text in enumerate(pair_title(pair)):
+            for column, text in enumerate(pair_title(pair, line)):
                 item = QTableWidgetItem(text)
                 item.setToolTip(text)
                 self.table.setItem(row, column, item)
             for column, (name, unit) in enumerate(units.items(), start=2):
-                shown = cell(pair, name, unit)
+                shown = cell(pair, name, unit, line)
                 item = QTableWidgetItem(shown.text)
                 item.setTextAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
                 item.setToolTip(shown.help)
@@ -292,14 +295,14 @@ class PairsDialog(ResultDialog):
         found = self._found
         if found is None or not 0 <= row < len(found.pairs):
             return
-        pair = found.pairs[row]
+        pair, line = found.pairs[row], line_of(found)
         channel = self._channels[min(max(column, 0), len(self._channels) - 1)]
         names = found.first.path.name, found.second.path.name
         lag = f"; the second was shifted by {fixed(1e3 * pair.lag, 0)} ms" if abs(pair.lag) > 5e-4 else ""
         cycles = f", {pair.cycles[0]} and {pair.cycles[1]} cycles" if pair.periodic else ""
         self.title.setText(
-            f"{channel_title(channel)}, runs {pair_title(pair)[0]}: {names[0]} (solid), {names[1]} (dashed)"
-            f"{cycles}{lag}"
+            f"{channel_title(channel, line)}, runs {pair_title(pair, line)[0]}: {names[0]} (solid), "
+            f"{names[1]} (dashed){cycles}{lag}"
         )
         for plot in (self.curves, self.difference):
-            plot.show_pair(pair, channel, names)
+            plot.show_pair(pair, channel, names, line)

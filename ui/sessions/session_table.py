@@ -43,7 +43,7 @@ PHASE_WORDS = {"on_air": "on air", "contact": "contact", "motor_bench": "motor b
 def run_words(run: Run) -> str:
     """``Run 002 · on air, extension, sine, 15°, 1 Hz``."""
     cable = "" if run.cable == "none" else f", {run.cable}"
-    return f"Run {run.name} · {PHASE_WORDS.get(run.phase, run.phase)}{cable}, {motion_of_run(run)}"
+    return f"Run {run.name} · {PHASE_WORDS.get(run.phase, run.phase)}{cable}, {motion_of_run(run, 0.0)}"
 
 
 def duration(seconds: float) -> str:
