@@ -167,6 +167,8 @@ def _rig_words(session: Session, tags: tuple[str, ...]) -> str:
     if device:
         return device
     bench = "motor only" if session.rig.finger is None else "finger"
+    if session.rig.line_radius:
+        bench = "axis, linear"
     return f"{bench}, simulated" if "simulated" in tags else bench
 
 

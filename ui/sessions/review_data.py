@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,7 @@ from fingerlab.library.reviewing import (
     load_between,
     values_at,
 )
+from fingerlab.report.line_units import LineUnits, line_units
 from fingerlab.sessions.model import Array, Run, Session
 
 from ..app.worker import IsCancelled, Progress, Worker
@@ -55,11 +57,31 @@ CHANNELS: Mapping[str, ReviewChannel] = {
     "endpoint_force": ReviewChannel("endpoint force", NEWTON, 3, "F"),
 }
 """The motor current is left out: it is the torque but for a constant."""
+ALONG = {"motor_command": "x_cmd", "motor_position": "x", "motor_torque": "F", "load_torque": "F_L"}
+"""Symbols of what an axis along a line has of them."""
+ALONG_DECIMALS = 3
+"""Micrometres and millinewtons."""
+
+
+@lru_cache(maxsize=16)
+def channels_of(line: LineUnits) -> Mapping[str, ReviewChannel]:
+    """:data:`CHANNELS`; of an axis along a line in its words and units."""
+    if not line.radius:
+        return CHANNELS
+    along = {
+        name: ReviewChannel(line.called(name), line.channel(name, math.inf), ALONG_DECIMALS, symbol)
+        for name, symbol in ALONG.items()
+    }
+    return {**CHANNELS, **along}
 
 
 @dataclass(frozen=True)
 class PaneSpec:
-    """One plot: channel -> role of its colour; ``share`` of the height; smallest range ``least`` (screen)."""
+    """One plot: channel -> role of its colour; ``share`` of the height; smallest range ``least`` (screen).
+
+    Attributes:
+        along: its title for an axis along a line; empty where that has no such plot.
+    """
 
     title: str
     unit: ScreenUnit
@@ -67,6 +89,19 @@ class PaneSpec:
     least: float
     channels: Mapping[str, str]
     wide: frozenset[str] = field(default_factory=frozenset)
+    along: str = ""
+
+    def title_of(self, line: LineUnits) -> str:
+        """What it is called for an axis with these units; empty where that has no such plot."""
+        return self.along if line.radius else self.title
+
+    def unit_of(self, line: LineUnits) -> ScreenUnit:
+        """Unit of its heights."""
+        return channels_of(line)[next(iter(self.channels))].unit
+
+    def least_of(self, line: LineUnits) -> float:
+        """Smallest range of its heights, in that unit: the same of the arc, along a line or not."""
+        return self.least * self.unit_of(line).factor / self.unit.factor
 
 
 PANES = (
@@ -77,6 +112,7 @@ PANES = (
         0.1,
         {"motor_command": "floor", "motor_position": "measured"},
         frozenset({"motor_position"}),
+        "Position",
     ),
     PaneSpec(
         "Torque",
@@ -85,6 +121,7 @@ PANES = (
         0.1,
         {"motor_torque": "measured", "load_torque": "candidate"},
         frozenset({"load_torque"}),
+        "Force",
     ),
     PaneSpec(
         "Joints",
@@ -105,13 +142,14 @@ MARGIN = 1.0
 @dataclass
 class Layer:
     """Attributes: number: 0 for the run under review, else that of its line (``review_pane.py``).
-    shift: s, added to the run's time on the screen. samples: read last, with ``time``; version: counts how
-    often there were others. name: as the legend has it.
+    line: units of its axis. name: as the legend has it. shift: s, added to the run's time on the screen.
+    samples: read last, with ``time``; version: counts how often there were others.
     """
 
     number: int
     run: Run
     pyramid: Pyramid
+    line: LineUnits
     name: str = ""
     shift: float = 0.0
     samples: Mapping[str, Array] = field(default_factory=dict)
@@ -123,6 +161,10 @@ class Layer:
     def span(self) -> tuple[float, float]:
         """First and last time on the screen."""
         return self.pyramid.first_time + self.shift, self.pyramid.last_time + self.shift
+
+    def factor(self, name: str) -> float:
+        """From a channel's SI values in the file to those on the screen."""
+        return channels_of(self.line)[name].unit.factor
 
     def take(self, samples: Mapping[str, Array]) -> None:
         """Samples that were asked for are there."""
@@ -236,7 +278,7 @@ class ReviewData(QObject):
             del self._pyramids[next(iter(self._pyramids))]
         if not kept[1].complete:
             self._fill(number, *kept)
-        return Layer(number, run, kept[1])
+        return Layer(number, run, kept[1], line_units((session,)))
 
     def want_samples(self, layer: Layer, left: float, right: float) -> None:
         """Read every sample between two times of the layer's run."""

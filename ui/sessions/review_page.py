@@ -12,12 +12,13 @@ from PySide6.QtWidgets import QComboBox, QGridLayout, QPushButton, QSizePolicy, 
 from fingerlab.core.text import AMPERE, ScreenUnit, with_minus
 from fingerlab.library.index import started_at
 from fingerlab.library.reviewing import Cycles, markers_of, period_of
+from fingerlab.report.line_units import LineUnits, line_units
 from fingerlab.sessions.model import Array, Run, Session
 
 from ..widgets.free_plots import FreePlots, PlotsButton
 from ..widgets.layout import FLUSH, WrappedRow, described, vbox
 from ..widgets.tables import ElidedLabel, remark
-from .review_data import CHANNELS, PANES, Layer, ReviewChannel, ReviewData
+from .review_data import PANES, Layer, ReviewChannel, ReviewData, channels_of
 from .review_pane import Overlays, clock_text
 from .review_plots import ReviewPlots
 from .session_table import duration, run_words
@@ -49,7 +50,7 @@ class ReviewPage(QWidget):
         self.session: Session | None = None
         self.overlays = Overlays(self)
         self._strokes: dict[int, Cycles] = {}
-        self.plots = described(ReviewPlots(), tip="\n".join(one.help() for one in CHANNELS.values()))
+        self.plots = ReviewPlots()
         self.back = _button("reviewBack", "‹ &All sessions", "Back to the table (Alt+Left).")
         self.runs = _as_choice(
             QComboBox(), "reviewRun", "Run shown", "Run shown (Alt+Up, Alt+Down for the next)."
@@ -68,7 +69,7 @@ class ReviewPage(QWidget):
             "heights", "Fi&t heights", "Scale each plot to what is seen of it, not to the run."
         )
         self.free = FreePlots(
-            FREE_CHANNELS, {spec.title: spec.title for spec in PANES}, ("motor_torque", "motor_position")
+            free_channels(LineUnits()), pane_titles(LineUnits()), ("motor_torque", "motor_position")
         )
         self.arrange = PlotsButton(self.free)
         self.cut = _button("cut", "C&ut…", "What lies between the cursors as a session of its own.")
@@ -80,6 +81,7 @@ class ReviewPage(QWidget):
         self._growing = QTimer(self, singleShot=True, interval=FILL_MS)
         self._build()
         self._connect()
+        self._tell_units(LineUnits())
 
     def _build(self) -> None:
         buttons = (self.strokes, self.heights, self.cursors, self.arrange, self.free.switch, self.cut)
@@ -126,12 +128,20 @@ class ReviewPage(QWidget):
         self.session = session
         with QSignalBlocker(self.runs):
             self.runs.clear()
-            for run in session.runs if session is not None else ():
-                self.runs.addItem(run_words(run), run.name)
+            if session is not None:
+                for run in session.runs:
+                    self.runs.addItem(run_words(run, session), run.name)
             self.runs.setCurrentIndex(0)
         self.overlays.offer_all((session, *others) if session is not None else ())
+        self._tell_units(line_units((session,) if session is not None else ()))
         self._on_run()
         self.plots.setFocus()
+
+    def _tell_units(self, line: LineUnits) -> None:
+        channels, titles = channels_of(line), pane_titles(line)
+        told = (name for spec in PANES if spec.title in titles for name in spec.channels)
+        self.plots.setToolTip("\n".join(channels[name].help() for name in told))
+        self.free.call(titles)
 
     def show_beside(self, session: Session) -> None:
         """Offer the runs of another session, too, and lay the first of them over."""
@@ -171,7 +181,7 @@ class ReviewPage(QWidget):
             layers.append(layer)
         self.overlays.row.show_overs(overs)
         self.plots.show_layers(layers, self.began, markers_of(run))
-        self.free.offer(free_channels(run))
+        self.free.offer(channels_of_run(run, layers[0].line))
         self._ask_free()
         if self.strokes.isChecked():
             self._ask_strokes()
@@ -280,29 +290,37 @@ class ReviewPage(QWidget):
     def _on_valued(self, found: list[tuple[float, dict[str, float]]]) -> None:
         if self.plots.cursors is None or len(found) != 2:
             return
-        head, lines = cursor_texts(found[0], found[1], self.began)
+        channels = channels_of(self.plots.layers[0].line)
+        head, lines = cursor_texts(found[0], found[1], self.began, channels)
         self.values.setText(head)
         self.values.setToolTip("\n".join(lines))
 
 
-FREE_CHANNELS: Mapping[str, ReviewChannel] = {
-    **CHANNELS,
-    "motor_current": ReviewChannel("motor current", AMPERE, 3, "i"),
-}
+def free_channels(line: LineUnits) -> dict[str, ReviewChannel]:
+    """What one's own plots know of an axis with these units: the current as well."""
+    current = ReviewChannel(line.called("motor_current"), AMPERE, 3, "i")
+    return {**channels_of(line), "motor_current": current}
 
 
-def free_channels(run: Run) -> dict[str, ReviewChannel]:
+def channels_of_run(run: Run, line: LineUnits) -> dict[str, ReviewChannel]:
     """Every channel of a run: those of the contract, and what else was recorded, as it stands there."""
-    own = (name for name in run.units if name != "time")
+    own, known = (name for name in run.units if name != "time"), free_channels(line)
     return {
-        name: FREE_CHANNELS.get(name)
-        or ReviewChannel(name.replace("_", " "), ScreenUnit(run.units[name], 1.0), 4)
+        name: known.get(name) or ReviewChannel(name.replace("_", " "), ScreenUnit(run.units[name], 1.0), 4)
         for name in own
     }
 
 
+def pane_titles(line: LineUnits) -> dict[str, str]:
+    """The stacked plots that an axis with these units can have, by the key under which they are left out."""
+    return {spec.title: title for spec in PANES if (title := spec.title_of(line))}
+
+
 def cursor_texts(
-    a: tuple[float, dict[str, float]], b: tuple[float, dict[str, float]], began: datetime | None
+    a: tuple[float, dict[str, float]],
+    b: tuple[float, dict[str, float]],
+    began: datetime | None,
+    channels: Mapping[str, ReviewChannel],
 ) -> tuple[str, list[str]]:
     """What the cursors say: differences in one line, and every value in lines of their own."""
     (time_a, at_a), (time_b, at_b) = a, b
@@ -312,7 +330,7 @@ def cursor_texts(
     rate = f" ({1 / abs(change):.3g} Hz)" if change else ""
     differences, lines = [f"{change:+.3f} s{rate}"], [places]
     for name, value in at_a.items():
-        shown = CHANNELS[name]
+        shown = channels[name]
         if value == value and at_b[name] == at_b[name]:
             sign = "+" if at_b[name] >= value else ""
             differences.append(f"{shown.title} {sign}{shown.text(at_b[name] - value)}")

@@ -24,13 +24,14 @@ from PySide6.QtGui import (
 from PySide6.QtWidgets import QComboBox, QPushButton, QStyle, QStyleOptionComboBox, QStylePainter, QWidget
 
 from fingerlab.library.reviewing import Marker
+from fingerlab.report.line_units import LineUnits
 from fingerlab.sessions.model import Run, Session
 
 from ..widgets.layout import FLUSH, Spacer, described, hbox
-from ..widgets.plots import Cursor, DecimatedCurve, bottom_axis_height
+from ..widgets.plots import Cursor, DecimatedCurve, bottom_axis_height, label_left
 from ..widgets.series import round_ticks
 from ..widgets.theme import Colours, colours_of, line, small_font
-from .review_data import CHANNELS, Layer, PaneSpec
+from .review_data import Layer, PaneSpec, channels_of
 from .session_table import run_words
 
 MOST = 4
@@ -123,7 +124,7 @@ class LaidOverRow(QWidget):
     def _button(self, over: LaidOver) -> QPushButton:
         button = described(QPushButton(f" {over.name}  ✕"), f"over-{over.number}", font=small_font())
         button.setIconSize(SWATCH)
-        words = f"Take {over.name} away: {run_words(over.run)}"
+        words = f"Take {over.name} away: {run_words(over.run, over.session)}"
         button.setToolTip(words)
         button.setAccessibleName(words)
         button.clicked.connect(lambda _checked=False: self.pressed.emit(over.number))
@@ -197,7 +198,7 @@ class Overlays(QObject):
         for run in session.runs:
             file = "" if own else f"{session.path.stem}, "
             self.field.insertItem(
-                self.field.count() - 1, f"Over it: {file}{run_words(run)}", len(self._offered)
+                self.field.count() - 1, f"Over it: {file}{run_words(run, session)}", len(self._offered)
             )
             self._offered.append((session, run, f"{file}Run {run.name}"))
 
@@ -225,6 +226,12 @@ class Overlays(QObject):
             self._settle(row)
         elif chosen in self._over:
             self._settle(row)
+        elif not self._goes_with(self._offered[chosen][0]):
+            self._go_to(self._before)
+            self.refused.emit(
+                f"{self._offered[chosen][0].path.name} is of another kind of axis than the run under review, "
+                "and an angle cannot be laid over a length; review them one after the other."
+            )
         elif len(self._over) == MOST:
             self._go_to(self._before)
             self.refused.emit(
@@ -233,6 +240,11 @@ class Overlays(QObject):
         else:
             self._over[chosen] = min(set(range(1, MOST + 1)) - set(self._over.values()))
             self._settle(row)
+
+    def _goes_with(self, session: Session) -> bool:
+        """Whether a session is told in the units of the one under review."""
+        own = self._offered[0][0]
+        return bool(session.rig.line_radius) == bool(own.rig.line_radius)
 
     def _settle(self, row: int) -> None:
         self._before = row
@@ -341,7 +353,7 @@ class ReviewPane:
     """One plot of the stack: its curves by layer and channel, its cursors, its markers."""
 
     def __init__(self, spec: PaneSpec, plot: pg.PlotItem) -> None:
-        self.spec, self.plot = spec, plot
+        self.spec, self.plot, self.line = spec, plot, LineUnits()
         self.curves: dict[tuple[int, str], DecimatedCurve] = {}
         self.strokes: dict[tuple[int, str], pg.PlotCurveItem] = {}
         names = (
@@ -360,6 +372,15 @@ class ReviewPane:
         plot.addItem(self.grid, ignoreBounds=True)
         self.add_curves(0)
 
+    @property
+    def title(self) -> str:
+        """As it stands at the left."""
+        return self.spec.title_of(self.line) or self.spec.title
+
+    def label_axis(self) -> None:
+        """Title and unit at the left, as there is room."""
+        label_left(self.plot, self.title, self.spec.unit_of(self.line))
+
     def add_curves(self, number: int, run: str = "") -> None:
         """Curves for the layer of that number, with the name of its run; they stay when it goes."""
         for name in self.spec.channels:
@@ -370,7 +391,10 @@ class ReviewPane:
                     item.setZValue(number)
                     self.plot.addItem(item, ignoreBounds=True)
             for item in (self.curves[number, name], self.strokes[number, name]):
-                item.opts["name"] = f"{CHANNELS[name].title}, {run}" if run else None
+                item.opts["name"] = f"{self._words(name)}, {run}" if run else None
+
+    def _words(self, name: str) -> str:
+        return channels_of(self.line)[name].title
 
     def show_cursors(self, times: Sequence[float] | None) -> None:
         """Put the cursors somewhere; None for none. While they are not shown they cost nothing."""
@@ -399,7 +423,7 @@ class ReviewPane:
         names = [name for name in self.spec.channels if name in present]
         parts = []
         for name in names if len(names) > 1 else ():
-            title = escape(CHANNELS[name].title)
+            title = escape(self._words(name))
             title = f"<b>{title}</b>" if name in self.spec.wide else title
             colour = getattr(colours, self.spec.channels[name])
             parts.append(f'<span style="color:{colour}">{title}</span>')

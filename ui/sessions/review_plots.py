@@ -15,12 +15,14 @@ from PySide6.QtWidgets import QWidget
 from fingerlab.library.reviewing import Cycles, Marker
 from fingerlab.sessions.model import Array
 
-from ..widgets.plots import FocusFrame, bottom_axis_height, colour_plot, label_left, move_by_key, prepare_plot
+from ..widgets.plots import FocusFrame, bottom_axis_height, colour_plot, move_by_key, prepare_plot
 from ..widgets.theme import colours_of, line
-from .review_data import CHANNELS, MARGIN, PANES, Layer, PaneSpec, limits_of
+from .review_data import MARGIN, PANES, Layer, PaneSpec, limits_of
 from .review_pane import RUN_TIME, ClockAxis, ReviewPane, over_pen
 
 AXIS_WIDTH = 64
+WHOLE_ROOM = 16_777_215.0
+"""px, Qt's own limit; a row that is not seen has none, or a strip below the others would stay empty."""
 SHORTEST_VIEW = 0.02
 """Seconds: twenty samples at 1 kHz."""
 FEED_MS = 15
@@ -92,7 +94,7 @@ class ReviewPlots(FocusFrame, pg.GraphicsLayoutWidget):
         pane = ReviewPane(spec, plot)
         for number, cursor in enumerate(pane.cursors):
             cursor.sigDragged.connect(lambda item, k=number: self._on_cursor(k, float(item.value())))
-        plot.getViewBox().sigResized.connect(lambda *_: label_left(plot, spec.title, spec.unit))
+        plot.getViewBox().sigResized.connect(lambda *_: pane.label_axis())
         return pane
 
     # what is shown
@@ -104,6 +106,7 @@ class ReviewPlots(FocusFrame, pg.GraphicsLayoutWidget):
         self._fed_state = ()
         self._drawn_as = None
         for pane in self.panes:
+            pane.line = layers[0].line if layers else pane.line
             for layer in layers:
                 pane.add_curves(layer.number, layer.name)
         if self.strokes and not same:
@@ -134,7 +137,9 @@ class ReviewPlots(FocusFrame, pg.GraphicsLayoutWidget):
             here = any(name in present for name in pane.spec.channels)
             shown = here and pane.spec.title not in self._left_out
             pane.plot.setVisible(shown)
-            self.ci.layout.setRowStretchFactor(self.panes.index(pane), pane.spec.share if shown else 0)
+            row = self.panes.index(pane)
+            self.ci.layout.setRowStretchFactor(row, pane.spec.share if shown else 0)
+            self.ci.layout.setRowMaximumHeight(row, WHOLE_ROOM if shown else 0)
             last = pane if shown else last
         for pane in self.panes:
             pane.show_time_axis(pane is last, RUN_TIME)
@@ -148,11 +153,12 @@ class ReviewPlots(FocusFrame, pg.GraphicsLayoutWidget):
         """Strokes over one another, by the numbers of the layers, in place of the runs; none: the runs."""
         self.strokes = dict(strokes)
         self.clock.setVisible(not strokes)
+        layers = {layer.number: layer for layer in self.layers}
         for pane in self.panes:
             for (number, name), item in pane.strokes.items():
                 series = strokes[number].series if number in strokes else {}
                 x, y = series.get(name, _NOTHING)
-                item.setData(x, y * CHANNELS[name].unit.factor)
+                item.setData(x, y * layers[number].factor(name) if len(y) else y)
             for curve in pane.curves.values():
                 curve.setVisible(not strokes)
             if pane.plot.getAxis("bottom").isVisible():
@@ -224,7 +230,7 @@ class ReviewPlots(FocusFrame, pg.GraphicsLayoutWidget):
                     curve.set_series(*_NOTHING)
                     continue
                 time, values = layer.series(name, left, right, pixels)
-                curve.set_series(time, values * CHANNELS[name].unit.factor)
+                curve.set_series(time, values * layer.factor(name))
 
     def set_heights(self) -> None:
         """Scale the heights to the whole run, or to what is seen."""
@@ -232,9 +238,12 @@ class ReviewPlots(FocusFrame, pg.GraphicsLayoutWidget):
         for pane in self.panes:
             parts: list[Array] = []
             for name in pane.spec.channels:
-                factor = CHANNELS[name].unit.factor
                 if self.strokes:
-                    parts += [one.series.get(name, _NOTHING)[1] * factor for one in self.strokes.values()]
+                    parts += [
+                        self.strokes[one.number].series[name][1] * one.factor(name)
+                        for one in self.layers
+                        if one.number in self.strokes and name in self.strokes[one.number].series
+                    ]
                 elif self.fits_heights:
                     for layer in self.layers:
                         x, y = pane.curves[layer.number, name].series
@@ -242,9 +251,9 @@ class ReviewPlots(FocusFrame, pg.GraphicsLayoutWidget):
                 else:
                     for layer in self.layers:
                         if name in layer.pyramid.channels:
-                            parts.append(np.array(layer.pyramid.extremes(name)) * factor)
-            pane.plot.setYRange(*limits_of(parts, pane.spec.least), padding=0)
-            label_left(pane.plot, pane.spec.title, pane.spec.unit)
+                            parts.append(np.array(layer.pyramid.extremes(name)) * layer.factor(name))
+            pane.plot.setYRange(*limits_of(parts, pane.spec.least_of(pane.line)), padding=0)
+            pane.label_axis()
 
     # cursors and markers
 

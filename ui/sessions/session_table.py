@@ -29,7 +29,7 @@ from fingerlab.library.index import UNWRITTEN, SessionFacts
 from fingerlab.library.notes import LibraryEntry, Note, StoredVerdict, Test
 from fingerlab.library.reviewing import Thumbnail, make_thumbnail
 from fingerlab.report.diagnosis_words import in_sentence, kept_titles, listed
-from fingerlab.sessions.model import Run
+from fingerlab.sessions.model import Run, Session
 from fingerlab.sessions.trajectory import motion_of_run
 
 from ..app.worker import Worker
@@ -40,10 +40,11 @@ from ..widgets.theme import colours_of, line, tint
 PHASE_WORDS = {"on_air": "on air", "contact": "contact", "motor_bench": "motor bench", "free": "free"}
 
 
-def run_words(run: Run) -> str:
-    """``Run 002 · on air, extension, sine, 15°, 1 Hz``."""
+def run_words(run: Run, session: Session) -> str:
+    """A run of a session, ``Run 002 · on air, extension, sine, 15°, 1 Hz``."""
     cable = "" if run.cable == "none" else f", {run.cable}"
-    return f"Run {run.name} · {PHASE_WORDS.get(run.phase, run.phase)}{cable}, {motion_of_run(run, 0.0)}"
+    motion = motion_of_run(run, session.rig.line_radius)
+    return f"Run {run.name} · {PHASE_WORDS.get(run.phase, run.phase)}{cable}, {motion}"
 
 
 def duration(seconds: float) -> str:

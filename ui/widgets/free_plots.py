@@ -239,6 +239,7 @@ class FreePlots(QWidget):
         self.setObjectName("freePlots")
         self.setAccessibleName("Plots of one's own")
         self._channels, self.fixed, self._first = channels, dict(fixed), first
+        self.titles = dict(fixed)
         self.left_out: frozenset[str] = frozenset()
         self.plots: list[FreePlot] = []
         self._made = self._turn = 0
@@ -330,6 +331,11 @@ class FreePlots(QWidget):
         for plot in self.plots:
             plot.offer(channels)
 
+    def call(self, titles: Mapping[str, str]) -> None:
+        """Titles of the page's own plots by key, for another run; those not named it cannot have."""
+        self.titles = dict(titles)
+        self.changed.emit()
+
     def names(self, plots: Sequence[FreePlot]) -> tuple[str, ...]:
         """Channels whose samples these plots draw."""
         every = [name for plot in plots for name in plot.spec if name in self._channels]
@@ -372,6 +378,8 @@ class PlotsButton(QToolButton):
         for key, box in self.boxes.items():
             with QSignalBlocker(box):
                 box.setChecked(key not in self._plots.left_out)
+            box.setText(self._plots.titles.get(key, ""))
+            box.setVisible(key in self._plots.titles)
         self.add.setEnabled(len(self._plots.plots) < MOST_PLOTS)
 
 
