@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING, get_args
 from PySide6.QtCore import QSignalBlocker, Signal
 from PySide6.QtWidgets import QComboBox, QFileDialog, QLabel, QPushButton, QStackedWidget, QWidget
 
+from fingerlab.core.errors import UserError
 from fingerlab.models.file import save_model
+from fingerlab.report.line_units import line_units
 from fingerlab.signals.periods import THRESHOLDS_PERCENT
-from fingerlab.thesis.fitting import model_of_fit
+from fingerlab.thesis.fitting import model_of_fit, on_air_runs
 from fingerlab.thesis.inspection import Inspection, inspect_session
 from fingerlab.thesis.traces import Delay, FitSpec, Method
 
@@ -127,6 +129,8 @@ NOT_YET = (
     "Analyse the runs on air: the joints' speeds with their regions, joint torque against cable tension with "
     "the regression line, R² and delay of each run, and a table of the parameters will stand here."
 )
+NOTHING_TO_FIT = "{file} has no run on air with a cable, which moment arms, losses and delays are fitted to."
+AXIS_ALONE = " It is the log of an axis alone, whose {mass} and friction the Model lab finds."
 
 
 class FitTab(Tab):
@@ -155,7 +159,7 @@ class FitTab(Tab):
         context.tasks.started.connect(self._on_started)
         context.tasks.ended.connect(lambda _how: self._on_started(""))
         self.commands = (
-            Command("&Analyse the runs on air", self.analyse, "Ctrl+Return", lambda: bool(self.sessions)),
+            Command("&Analyse the runs on air", self.analyse, "Ctrl+Return", self._can_analyse),
             *run_commands(lambda: self.panel.run, lambda: self.found is not None),
             Command("&Save model file…", self.save, "Ctrl+S", lambda: self.found is not None),
             SEPARATOR,
@@ -180,9 +184,12 @@ class FitTab(Tab):
         self.sessions, self.found = sessions, None
         self._refresh()
 
+    def _can_analyse(self) -> bool:
+        return bool(self.sessions) and not lacking(self.sessions[0])
+
     def analyse(self) -> None:
         """Fit the first open session off the GUI thread."""
-        if not self.sessions:
+        if not self._can_analyse():
             return
         session, spec, opened = self.sessions[0], self.panel.spec(), self.sessions
         self.context.hush()
@@ -248,12 +255,14 @@ class FitTab(Tab):
     def _refresh(self) -> None:
         found, opened = self.found, bool(self.sessions)
         self.name.setText(self.sessions[0].path.name if opened else "")
-        self.panel.analyse.setEnabled(opened)
-        self.panel.analyse.setToolTip("Ctrl+Return" if opened else "No session is open.")
+        lacks = lacking(self.sessions[0]) if opened else ""
+        self.panel.analyse.setEnabled(self._can_analyse())
+        self.panel.analyse.setToolTip((lacks or "Ctrl+Return") if opened else "No session is open.")
         self.panel.set_ready(found is not None, "There is no fit yet: analyse first.")
         if found is None:
-            text = ("" if self._under_way else NOT_YET) if opened else NO_SESSION
-            self.empty.say(self._under_way or "Not analysed yet", text, opened)
+            text = ("" if self._under_way else lacks or NOT_YET) if opened else NO_SESSION
+            title = "Nothing to fit" if lacks else "Not analysed yet"
+            self.empty.say(self._under_way or title, text, opened)
             self.panel.show_runs((), "")
             self.pages.setCurrentWidget(self.empty)
         else:
@@ -262,6 +271,17 @@ class FitTab(Tab):
             self.view.show_run(self.panel.run.currentText())
             self.pages.setCurrentWidget(self.view)
         self.context.commands_changed.emit()
+
+
+def lacking(session: Session) -> str:
+    """Why nothing of a session can be fitted here; empty where something can."""
+    try:
+        on_air_runs(session)
+    except UserError:
+        said = NOTHING_TO_FIT.format(file=session.path.name)
+        alone = all(run.phase == "motor_bench" for run in session.runs)
+        return said + AXIS_ALONE.format(mass=line_units([session]).called("inertia")) if alone else said
+    return ""
 
 
 def _remarks(found: Inspection, sessions: int) -> str:

@@ -48,6 +48,10 @@ VIEWS = (
 )
 PREDICTING = "Predicting the force in"
 WAITS = "A session with contact runs is needed to predict with {files}."
+NO_CONTACT = (
+    "{file} has no contact run with a cable, whose endpoint force could be predicted or wanted; {models} "
+    "will wait for a session that has one."
+)
 
 
 class PredictTab(Tab):
@@ -200,8 +204,8 @@ class PredictTab(Tab):
         self._refresh()
 
     def _predict(self, models: Mapping[str, SavedModel]) -> None:
-        if not self.sessions:
-            self.models = dict(models)
+        if not self.sessions or not self.sessions[0].contact_runs():
+            self.models, self._due = dict(models), False
             self._refresh()
             return
         opened, given = self.sessions, dict(models)
@@ -263,12 +267,18 @@ class PredictTab(Tab):
     def _refresh(self) -> None:
         found, opened = self.found, bool(self.sessions)
         self.name.setText(self.sessions[0].path.name if opened else "")
-        self.panel.set_next(opened and found is None)
+        self.panel.set_next(opened and found is None and bool(self.sessions[0].contact_runs()))
         if found is None:
             waits = bool(self.models)
+            lacks = opened and not self.sessions[0].contact_runs()
             no_force = "No force predicted" if waits else "No model yet"
             text = WAITS.format(files=", ".join(self.models)) if waits else NO_MODEL
             text = text if opened or waits else NO_SESSION
+            if lacks:
+                no_force = "No force to predict"
+                text = NO_CONTACT.format(
+                    file=self.sessions[0].path.name, models=", ".join(self.models) or "models"
+                )
             text = "" if opened and self._under_way else text
             self.empty.say(self._under_way or no_force, text, opened)
             self.panel.show_models((), (), ())

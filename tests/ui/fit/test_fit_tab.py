@@ -18,8 +18,9 @@ from fingerlab.sessions import SessionWriter
 from fingerlab.ui.app.tab_registry import TabEntry
 from fingerlab.ui.app.window import MainWindow
 from fingerlab.ui.fit.fit_tab import FitTab
+from tests.stage import stage_session
 
-from ..hands import PATIENCE, child, click
+from ..hands import PATIENCE, child, click, drop
 from ..looking import look
 from ..saving import save_each_plot
 
@@ -96,6 +97,20 @@ def test_empty_and_waiting_say_what_will_be_here(make_window, window: MainWindow
     assert child(none, QLabel, "fitEmpty").text() == "No session open"
     assert not child(none, QPushButton, "analyse").isEnabled()
     assert child(none, QPushButton, "analyse").toolTip() == "No session is open."
+
+
+def test_an_axis_alone_has_nothing_to_fit_and_that_is_said_before_it_is_asked(
+    qtbot: QtBot, make_window, tmp_path: Path
+) -> None:  # type: ignore[no-untyped-def]
+    window = make_window(tab="fit", tabs=TABS)
+    drop(window, stage_session(tmp_path))
+    qtbot.waitUntil(lambda: child(window, QLabel, "fitEmpty").text() == "Nothing to fit", timeout=PATIENCE)
+    button = child(window, QPushButton, "analyse")
+    assert not button.isEnabled()
+    assert "stage.h5 has no run on air with a cable" in button.toolTip()
+    assert "an axis alone, whose mass and friction the Model lab finds" in button.toolTip()
+    fit_of(window).analyse()  # by the keyboard
+    assert not window.tasks.busy
 
 
 def test_numbers_that_were_built_in_stand_in_the_table(analysed: MainWindow) -> None:

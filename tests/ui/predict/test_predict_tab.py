@@ -25,6 +25,7 @@ from fingerlab.ui.app.window import MainWindow
 from fingerlab.ui.predict.predict_tab import PredictTab
 from fingerlab.ui.predict.wanted_force import WantedPanel, outcome_words
 from fingerlab.ui.widgets.tables import ElidedLabel
+from tests.stage import stage_session
 
 from ..hands import PATIENCE, child, click, drop
 from ..looking import look
@@ -126,6 +127,21 @@ def test_empty_and_waiting_say_what_will_be_here(make_window, window: MainWindow
     assert child(window, QLabel, "predictEmpty").text() == "No model yet"
     none = make_window(tab="predict", tabs=TABS)
     assert child(none, QLabel, "predictEmpty").text() == "No session open"
+
+
+def test_without_a_contact_run_that_is_said_and_models_wait_for_one(
+    qtbot: QtBot, make_window, tmp_path: Path, in_contact: Path, model_files: tuple[Path, Path]
+) -> None:  # type: ignore[no-untyped-def]
+    window = make_window(tab="predict", tabs=TABS)
+    drop(window, stage_session(tmp_path))
+    title = child(window, QLabel, "predictEmpty")
+    qtbot.waitUntil(lambda: title.text() == "No force to predict", timeout=PATIENCE)
+    drop(window, model_files[0])
+    said = [one.text() for one in window.findChildren(QLabel) if "stage.h5 has no contact run" in one.text()]
+    assert said
+    assert f"{model_files[0].name} will wait for a session that has one" in said[0]
+    drop(window, in_contact)
+    qtbot.waitUntil(lambda: predict_of(window).found is not None, timeout=PATIENCE)
 
 
 def test_models_stand_beside_each_other_in_lines_that_differ(predicted: MainWindow) -> None:
