@@ -508,6 +508,10 @@ MOST_ROUNDS = 8
 HOPELESS = 5.0
 """A model whose deviance for each value is so much above the best one's will not be the likeliest under its
 own weights; assumed: those that were had at most 3 more after the first round, others 40 and more."""
+OTHER_FLOORS = 1.0
+"""By how much the weight of an equation differs, up or down, for a model's floors to be others than those in
+which it was judged: by a factor of two; assumed, noise is told to some tenths, and that of angles in a friction
+makes it ten times as large."""
 
 # ## When a step of the path is justified
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from fingerlab.core.progress import Watch
 from fingerlab.diagnosis.equations.model import Choice
-from fingerlab.diagnosis.fit.data import Weights
+from fingerlab.diagnosis.fit.data import Weights, change
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.score.evidence import Evidence, alike, shares_of
 from fingerlab.diagnosis.score.fitted_model import FittedModel, at_found_shapes
@@ -26,10 +26,12 @@ from fingerlab.diagnosis.settings import (
     FAR_LEFT,
     FAR_LOG_ODDS,
     FULL_ITERATIONS,
+    LACK_OF_FIT,
     LOOKING_ITERATIONS,
     MOST_RIVALS,
     NEAR_SHARE,
     NEARLY_RIGHT,
+    OTHER_FLOORS,
     SET_LOG_ODDS,
 )
 from fingerlab.effects.base import Effect
@@ -66,24 +68,27 @@ def break_ties(
     tied = ties_to_refine(evidence, least, also)
     if not tied:
         return evidence, {}
+    on_grid = {i: _in_own_floors(scorer, evidence.candidates[i]) for i in tied}
+    tied = _likeliest_first(scorer, tied, on_grid)
     refined: list[tuple[Scorer, FittedModel]] = []
-    for candidate in (evidence.candidates[i] for i in tied):
+    beaten: list[int] = []
+    for i in tied:
+        candidate = evidence.candidates[i]
         if candidate.last_effect.id in known:
             one = known[candidate.last_effect.id]
         elif can_refine(candidate.choices):
-            far = _far_from(reduction, scorer, candidate, refined[0][1], watch) if refined else None
-            # A law by one of these numbers may lie two steps from the grid, and was not seen in one.
-            if far is not None and also & candidate.last_effect.shape_units.keys():
-                far = far if lacks_fit(far[1], FAR_LEFT) else None
-            one = far or refine_grid(reduction, candidate, watch)
+            lost = _beaten(scorer, on_grid[i], *refined[0]) if refined else None
+            if lost is not None:
+                beaten.append(len(refined))
+            one = lost or _near_or_far(reduction, scorer, candidate, refined, also, watch)
         else:
             one = scorer, scorer.fit_reweighted(candidate.choices, candidate, weights)
             weights = one[1].weights
         refined.append(one if refined else (one[0], one[0].score_held_out(one[1])))
     laws = (evidence.candidates[i].last_effect for i in tied)
     refined = [
-        _no_worse_than_held(reduction, law, one, refined, watch)
-        for law, one in zip(laws, refined, strict=True)
+        one if place in beaten else _no_worse_than_held(reduction, law, one, refined, watch)
+        for place, (law, one) in enumerate(zip(laws, refined, strict=True))
     ]
     # All are scored in the floors of the likeliest.
     floors = min((by.deviance(fitted), k) for k, (by, fitted) in enumerate(refined))[1]
@@ -91,8 +96,79 @@ def break_ties(
     scored = [
         by.score_held_out(by.fit(fitted.choices, fitted, FULL_ITERATIONS, under)) for by, fitted in refined
     ]
-    found = {one.last_effect.id: (by, one) for (by, _), one in zip(refined, scored, strict=True)}
-    return with_refined_odds(evidence, tied, scored), found
+    found = {
+        one.last_effect.id: (by, one)
+        for place, ((by, _), one) in enumerate(zip(refined, scored, strict=True))
+        if place not in beaten
+    }
+    return with_refined_odds(evidence, tied, _judged(refined, scored, floors)), found
+
+
+def _in_own_floors(scorer: Scorer, candidate: FittedModel) -> FittedModel:
+    """The effect on its grid under its own weights, where these are others than it was judged under."""
+    if change(candidate.weights, scorer.own_weights(candidate)) <= OTHER_FLOORS:
+        return candidate
+    return scorer.fit_reweighted(candidate.choices, candidate)
+
+
+def _likeliest_first(scorer: Scorer, tied: list[int], on_grid: Mapping[int, FittedModel]) -> list[int]:
+    """The candidates; one that is by far likelier than the first in its own floors before all others."""
+    deviances = {i: scorer.deviance(on_grid[i]) for i in tied}
+    best = min(tied, key=deviances.__getitem__)
+    near = deviances[tied[0]] <= deviances[best] + LACK_OF_FIT * scorer.data.count
+    return tied if near else [best, *(i for i in tied if i != best)]
+
+
+def _beaten(
+    scorer: Scorer, on_grid: FittedModel, by: Scorer, best: FittedModel
+) -> tuple[Scorer, FittedModel] | None:
+    """The effect on its grid, if it lacks far more in its own floors than the best; None: it may come near.
+
+    Args:
+        by, best: what is likeliest on the grids, refined and held out in its own floors.
+    """
+    if lacks_fit(best) or scorer.deviance(on_grid) <= by.deviance(best) + FAR_LEFT * best.count:
+        return None
+    held_out = scorer.score_held_out(on_grid)
+    return (scorer, held_out) if lacks_fit(held_out, FAR_LEFT) else None
+
+
+def _near_or_far(
+    reduction: Reduction,
+    scorer: Scorer,
+    candidate: FittedModel,
+    refined: Sequence[tuple[Scorer, FittedModel]],
+    also: frozenset[str],
+    watch: Watch,
+) -> tuple[Scorer, FittedModel]:
+    """The effect between the points of its grid; only at its best shape where that is far from the first."""
+    far = _far_from(reduction, scorer, candidate, refined[0][1], watch) if refined else None
+    # A law by one of these numbers may lie two steps from the grid, and was not seen in one.
+    if far is not None and also & candidate.last_effect.shape_units.keys():
+        far = far if lacks_fit(far[1], FAR_LEFT) else None
+    return far or refine_grid(reduction, candidate, watch)
+
+
+def _judged(
+    refined: Sequence[tuple[Scorer, FittedModel]], scored: Sequence[FittedModel], likeliest: int
+) -> list[FittedModel]:
+    """The laws in the floors of the likeliest; one that lacks fit in its own, and is far off, in those.
+
+    What a friction of the joints holds near a reversal goes by angles that are noisy, and that is noise of
+    its law: in such floors a friction of the drive, which has none of it, hides what it leaves.
+
+    Args:
+        refined: under their own weights. scored: the same under those of the ``likeliest``.
+    """
+    by, first = refined[likeliest]
+    if lacks_fit(by.score_held_out(first)):
+        return list(scored)
+    far = by.deviance(first) + LACK_OF_FIT * first.count
+    judged = []
+    for (its, fitted), one in zip(refined, scored, strict=True):
+        own = its.score_held_out(fitted) if its.deviance(fitted) > far else one
+        judged.append(own if lacks_fit(own) else one)
+    return judged
 
 
 def _no_worse_than_held(
