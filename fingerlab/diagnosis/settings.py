@@ -510,8 +510,8 @@ HOPELESS = 5.0
 own weights; assumed: those that were had at most 3 more after the first round, others 40 and more."""
 OTHER_FLOORS = 1.0
 """By how much the weight of an equation differs, up or down, for a model's floors to be others than those in
-which it was judged: by a factor of two; assumed, noise is told to some tenths, and that of angles in a friction
-makes it ten times as large."""
+which it was judged: by a factor of two; assumed, noise is told to some tenths, and that of angles in what a
+joint rubs makes it ten times as large."""
 
 # ## When a step of the path is justified
 
