@@ -84,6 +84,7 @@ from fingerlab.diagnosis.search.next_effect import at_edges, fitted_to_the_end
 from fingerlab.diagnosis.search.reading_errors import with_readings_corrected
 from fingerlab.diagnosis.search.strategy import Found, begin_search, search_effects
 from fingerlab.diagnosis.settings import (
+    CANDIDATES_REFITTED,
     FAR_LEFT,
     FULL_ITERATIONS,
     HALF_LEFT,
@@ -263,16 +264,18 @@ def check_held(reduction: Reduction, scorer: Scorer, given: Sequence[Effect]) ->
 
 
 def searched_again(question: Question, scorer: Scorer, found: Found) -> Found:
-    """The search with constants of the runs by what the best model misses on their averages, or one as near.
+    """The search with constants of the runs by what the best models miss on their averages.
 
+    What moves and what is missing may each hide the other: alone neither explains anything.
     Only of runs whose motion does not come again, which would have told them, or where some were told and
     others may be hidden by those; and only if that leaves far less, or half and nothing more to be found.
     """
     reduction, last = question.reduction, found.path[-1]
     if scorer.reduced.on_bench and zero_is_confounded(reduction.analysed):
         return found
-    others = (one for name, one in found.looked_at.items() if name not in last.effect_ids)
-    models = [(found.refined or scorer, last), *others]
+    others = [one for name, one in found.looked_at.items() if name not in last.effect_ids]
+    near = nearest(found.evidence.candidates)[:CANDIDATES_REFITTED]
+    models = [(found.refined or scorer, last), *others, *((found.scorer, one) for one in near)]
     each = (likeliest_constants(reduction, by, model) for by, model in models)
     constants, beside = min(each, key=lambda one: math.inf if one[0] is None else one[1].misfit)
     if constants is None or not beside.misfit < HALF_LEFT * last.misfit:

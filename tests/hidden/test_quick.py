@@ -166,3 +166,18 @@ def test_friction_of_the_joints_is_told_from_that_of_the_drive_where_angles_are_
     assert not [name for name in said.set if name.startswith(DRIVE)]
     assert said.path[-1].added in ("stribeck_friction", "coulomb_friction")  # hardly told apart
     assert said.path[-1].score < 1.3
+
+
+def test_friction_and_zeros_that_move_are_found_though_either_hides_the_other(tmp_path: Path) -> None:
+    """Three runs of the second engine, each of another motion and with zeros of its own.
+
+    Beside no effect the zeros explained nothing, and without them no effect did: 15 floors, and "not in the
+    catalogue".
+    """
+    trial = Trial("engine", "short", ("coulomb_friction",), 12724, varied=True)
+    record_varied(trial, tmp_path / "moved.h5")
+    said = diagnose([open_varied(trial, tmp_path / "moved.h5")], with_curves=False)
+    assert said.candidates[0].effect == "coulomb_friction"
+    assert [step.added for step in said.path] == [None, "coulomb_friction"]
+    assert said.path[-1].score < 1.4
+    assert "mcp_angle" in [found.channel for found in said.bench if found.kind == "moving_zero"]
