@@ -79,7 +79,7 @@ from fingerlab.diagnosis.search.disagreeing_run import searched_without_run
 from fingerlab.diagnosis.search.exchange import ExchangedModel, odds_of_rivals
 from fingerlab.diagnosis.search.first_step import Question, Stages
 from fingerlab.diagnosis.search.grid_refinement import fit_refined
-from fingerlab.diagnosis.search.moved_zeros import with_zeros_taken_off
+from fingerlab.diagnosis.search.moved_zeros import with_zeros_for_last_effect, with_zeros_taken_off
 from fingerlab.diagnosis.search.next_effect import at_edges, fitted_to_the_end
 from fingerlab.diagnosis.search.reading_errors import with_readings_corrected
 from fingerlab.diagnosis.search.strategy import Found, begin_search, search_effects
@@ -215,6 +215,8 @@ def _searched(
         return other
     near = [*found.models, *found.evidence.candidates]
     if other := with_zeros_taken_off(reduction, near, again, _outcome):
+        return other
+    if other := with_zeros_for_last_effect(reduction, found.path, again, _outcome):
         return other
     # Once many effects that were found together leave little beside it, a second error is no simpler reading.
     settled = found.many and corrections > 0 and not lacks_fit(found.path[-1], NEARLY_RIGHT)

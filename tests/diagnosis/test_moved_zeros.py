@@ -63,3 +63,36 @@ def test_a_law_is_found_and_so_are_the_zeros(missing: made.Missing, effect: str)
     apart = zeros.reshape(between.shape) - zeros.reshape(between.shape).mean(axis=1, keepdims=True)
     scatter = np.sqrt(np.sum(apart**2, axis=(0, 1)) / (len(zeros) - len(LINES)))
     assert told == {name: pytest.approx(size, rel=0.1) for name, size in zip(ANGLES, scatter, strict=True)}
+
+
+UNLIKE: tuple[made.Line, ...] = (
+    (-1, 4.0, ((2.0, 1.0, 0.0),)),
+    (-1, 4.0, ((0.7, 0.4, 0.1), (0.6, 0.9, 1.3), (0.5, 1.5, 2.2), (0.5, 2.3, 3.0))),
+    (-1, 3.0, ((1.5, 0.5, 0.3), (0.8, 1.7, 0.1))),
+)
+
+
+@pytest.mark.parametrize(("missing", "seed", "path"), [
+    (made.Missing(), 11, [None]),
+    (made.Missing(), 15, [None]),
+    (made.Missing(viscous=(4e-3, 2e-3)), 11, [None, "viscous_friction"]),
+])  # fmt: skip
+def test_zeros_of_runs_that_are_all_unlike_are_no_effect(
+    missing: made.Missing, seed: int, path: list[str | None]
+) -> None:
+    """Creep, with 93 % on a plain bench: through a weight a zero is no constant, and creep mends the rest."""
+    bench, rng = made.Bench(missing=missing), np.random.default_rng(seed)
+    zeros = np.radians(ZEROS_DEG) * rng.standard_normal((len(UNLIKE), len(ANGLES)))
+    runs = []
+    for number, line in enumerate(UNLIKE):
+        run = made.free_run(bench, line, rng, 10.0, number)
+        channels = run.load()
+        for name, zero in zip(ANGLES, zeros[number], strict=True):
+            channels[name] = channels[name] + zero
+        told = {"name": run.name, "phase": run.phase, "cable": run.cable, "trajectory": run.trajectory}
+        runs.append(Run.from_arrays(channels, **told, sample_rate_hz=made.RATE))
+    session = replace(made.session(bench, contact=0), runs=tuple(runs))
+    said = diagnose([session], with_curves=False)
+    assert [step.added for step in said.path] == path
+    assert said.path[-1].score < 1.06
+    assert {one.channel for one in said.bench if one.kind == "moving_zero"} == set(ANGLES)

@@ -79,6 +79,28 @@ def with_zeros_taken_off(
     return None
 
 
+def with_zeros_for_last_effect(
+    reduction: Reduction,
+    path: Sequence[FittedModel],
+    again: Callable[[], _Work],
+    outcome: Callable[[_Work], tuple[FittedModel, bool]],
+) -> _Work | None:
+    """The work done again with zeros taken off the angles where the path's last effect stands for them.
+
+    Through a weight, which is no straight line of the angles, a zero leaves what an effect more can mend.
+    None: there are no such zeros, or the effects need the last one.
+
+    Args:
+        path: of models, each held out. outcome: as for :func:`with_zeros_taken_off`.
+    """
+    if len(path) < 2 or lacks_fit(path[-1], NEARLY_RIGHT):
+        return None
+    found = with_zeros_taken_off(reduction, [path[-2]], again, outcome)
+    if found is None:
+        return None
+    return found if len(outcome(found)[0].choices) < len(path[-1].choices) else None
+
+
 def _of_fewest(reduction: Reduction, end: FittedModel) -> RunZeros:
     """Zeros beside the first effects of a path that leave little with zeros of their own; they are taken off.
 
