@@ -23,6 +23,7 @@ from fingerlab.diagnosis.score.selection import lacks_fit
 from fingerlab.diagnosis.search.grid_refinement import refine_grid
 from fingerlab.diagnosis.settings import (
     HALF_LEFT,
+    LEAST_FALL,
     MODELS_BESIDE_ZEROS,
     NEARLY_RIGHT,
     SETTLED_ZERO,
@@ -95,10 +96,15 @@ def with_zeros_for_last_effect(
     """
     if len(path) < 2 or lacks_fit(path[-1], NEARLY_RIGHT):
         return None
+    before = reduction.known_of_bench
     found = with_zeros_taken_off(reduction, [path[-2]], again, outcome)
     if found is None:
         return None
-    return found if len(outcome(found)[0].choices) < len(path[-1].choices) else None
+    end, last = outcome(found)[0], path[-1]
+    if end.misfit <= last.misfit + LEAST_FALL * last.count and len(end.choices) < len(last.choices):
+        return found
+    reduction.go_back(before)
+    return None
 
 
 def _of_fewest(reduction: Reduction, end: FittedModel) -> RunZeros:
