@@ -111,12 +111,19 @@ def _in_own_floors(scorer: Scorer, candidate: FittedModel) -> FittedModel:
     return scorer.fit_reweighted(candidate.choices, candidate)
 
 
+def _other_floors(one: FittedModel, other: FittedModel) -> bool:
+    """Whether the weights of two models are those of floors that differ."""
+    return change(one.weights, other.weights) > OTHER_FLOORS
+
+
 def _likeliest_first(scorer: Scorer, tied: list[int], on_grid: Mapping[int, FittedModel]) -> list[int]:
     """The candidates; one that is by far likelier than the first in its own floors before all others."""
     deviances = {i: scorer.deviance(on_grid[i]) for i in tied}
     best = min(tied, key=deviances.__getitem__)
     near = deviances[tied[0]] <= deviances[best] + LACK_OF_FIT * scorer.data.count
-    return tied if near else [best, *(i for i in tied if i != best)]
+    if near or not _other_floors(on_grid[tied[0]], on_grid[best]):
+        return tied
+    return [best, *(i for i in tied if i != best)]
 
 
 def _beaten(
@@ -127,7 +134,9 @@ def _beaten(
     Args:
         by, best: what is likeliest on the grids, refined and held out in its own floors.
     """
-    if lacks_fit(best) or scorer.deviance(on_grid) <= by.deviance(best) + FAR_LEFT * best.count:
+    if lacks_fit(best) or not _other_floors(on_grid, best):
+        return None
+    if scorer.deviance(on_grid) <= by.deviance(best) + FAR_LEFT * best.count:
         return None
     held_out = scorer.score_held_out(on_grid)
     return (scorer, held_out) if lacks_fit(held_out, FAR_LEFT) else None
@@ -166,7 +175,8 @@ def _judged(
     far = by.deviance(first) + LACK_OF_FIT * first.count
     judged = []
     for (its, fitted), one in zip(refined, scored, strict=True):
-        own = its.score_held_out(fitted) if its.deviance(fitted) > far else one
+        behind = its.deviance(fitted) > far and _other_floors(fitted, first)
+        own = its.score_held_out(fitted) if behind else one
         judged.append(own if lacks_fit(own) else one)
     return judged
 
