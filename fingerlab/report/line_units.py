@@ -135,7 +135,8 @@ class LineUnits:
         """What the angles and torques mean that are still told of the arc; empty where the axis turns."""
         if not self.radius:
             return ""
-        return f"{self._kept(f'1 N m s/rad is {1.0 / self.radius**2:g} N s/m')} {STILL_OF_THE_ARC}"
+        kept = self._kept(f"1 N m s/rad is {1.0 / self.radius**2:g} N s/m")
+        return f"{kept} Equations, drafted laws and JSON are told so."
 
     @property
     def file(self) -> str:
@@ -289,9 +290,6 @@ class LineUnits:
 def line_units(sessions: Sequence[Session]) -> LineUnits:
     """Those of the axis that these sessions, of one machine, are of."""
     return LineUnits(sessions[0].rig.line_radius if sessions else 0.0)
-
-
-STILL_OF_THE_ARC = "Equations, drafted laws and JSON are told so."
 
 
 def _id(name: str) -> str:

@@ -90,7 +90,7 @@ def break_ties(
         one if place in beaten else _no_worse_than_held(reduction, law, one, refined, watch)
         for place, (law, one) in enumerate(zip(laws, refined, strict=True))
     ]
-    # All are scored in the floors of the likeliest.
+    # All are scored in the floors of the likeliest, and judged there or in their own.
     floors = min((by.deviance(fitted), k) for k, (by, fitted) in enumerate(refined))[1]
     under = refined[floors][1].weights
     scored = [
@@ -105,7 +105,7 @@ def break_ties(
 
 
 def _in_own_floors(scorer: Scorer, candidate: FittedModel) -> FittedModel:
-    """The effect on its grid under its own weights, where these are others than it was judged under."""
+    """The effect on its grid under its own weights, where these are other floors than it was judged in."""
     if change(candidate.weights, scorer.own_weights(candidate)) <= OTHER_FLOORS:
         return candidate
     return scorer.fit_reweighted(candidate.choices, candidate)
