@@ -88,6 +88,7 @@ from fingerlab.diagnosis.settings import (
     FAR_LEFT,
     FULL_ITERATIONS,
     HALF_LEFT,
+    LEAST_SHARE,
     MODELS_BESIDE_ERRORS,
     MOST_CORRECTIONS,
     NEARLY_RIGHT,
@@ -175,6 +176,7 @@ def _searched(
     asked: DiagnosisOptions,
     with_curves: bool,
     corrections: int = 0,
+    before: FittedModel | None = None,
 ) -> _Searched:
     """The recordings read, what is missing of the model with these effects, and what there is to be shown.
 
@@ -182,10 +184,9 @@ def _searched(
 
     Args:
         corrections: so many of them were made already.
+        before: the best model without what was taken off the recordings last; None: nothing was.
     """
-    again = partial(
-        _searched, reduction, catalogue, given, stages, asked, with_curves, corrections=corrections + 1
-    )
+    again = partial(_searched, reduction, catalogue, given, stages, asked, with_curves, corrections + 1)
     alone, display = None, _display() if with_curves else None
     reduction.begin(catalogue, stages.part(0.0, 0.2), read=bool(given))
     if given:
@@ -206,6 +207,8 @@ def _searched(
     if may_correct and (other := corrected(begun.models, ended=False)):
         return other
     found = search_effects(question, begun)
+    if before is not None and _hardly_helps(before, found.path[-1]):
+        return question, found, display  # nor will a further error of the bench beside it
     if lacks_fit(found.path[-1], NEARLY_RIGHT):
         found = searched_again(question, scorer, found)
     by, last = found.refined or found.scorer, found.path[-1]
@@ -223,6 +226,12 @@ def _searched(
     if may_correct and not settled and (other := corrected(found.models)):
         return other
     return question, found, display
+
+
+def _hardly_helps(before: FittedModel, end: FittedModel) -> bool:
+    """Whether an error taken off the recordings explains next to nothing of what the best model missed."""
+    fewer = len(end.choices) < len(before.choices)
+    return not fewer and lacks_fit(end, NEARLY_RIGHT) and end.misfit > (1.0 - LEAST_SHARE) * before.misfit
 
 
 def _outcome(searched: _Searched) -> tuple[FittedModel, bool]:
@@ -290,7 +299,9 @@ def searched_again(question: Question, scorer: Scorer, found: Found) -> Found:
     return found
 
 
-def searched_with_lag(reduction: Reduction, found: Found, again: Callable[[], _Searched]) -> _Searched | None:
+def searched_with_lag(
+    reduction: Reduction, found: Found, again: Callable[[FittedModel], _Searched]
+) -> _Searched | None:
     """The search with a lag of the torque of a motor alone, by what the nearest models leave; None: no help.
 
     Where the bare model left far more than a lag, it was not looked for, or not believed. Now it has to leave
@@ -304,7 +315,7 @@ def searched_with_lag(reduction: Reduction, found: Found, again: Callable[[], _S
     if beside is None or not beside.misfit < HALF_LEFT * last.misfit:
         return None
     before, reduction.late_torque = reduction.known_of_bench, True
-    other = again()
+    other = again(last)
     if is_borne_out(last, *_outcome(other)):
         return other
     reduction.go_back(before)

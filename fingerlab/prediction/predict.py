@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -346,7 +345,10 @@ def _fit(
         reduction.restart(held)
         watch = Watch(lambda share, what: tell(0.5 * share, what))
         settle_constants(reduction, Scorer(reduction.of([], watch)))  # as for a verdict
-        refined = partial(fit_refined, reduction, chosen, watch)
+
+        def refined(before: FittedModel | None = None) -> tuple[Scorer, FittedModel]:
+            return fit_refined(reduction, chosen, watch)
+
         scorer, whole = refined()
         for corrected in (with_zeros_taken_off, with_readings_corrected):
             models = [scorer.score_held_out(one) for one in (whole, scorer.fit([], whole))]

@@ -22,7 +22,7 @@ def searched_without_run(
     reduction: Reduction,
     scorer: Scorer,
     last: FittedModel,
-    again: Callable[[], _Searched],
+    again: Callable[[FittedModel], _Searched],
     outcome: Callable[[_Searched], tuple[FittedModel, bool]],
 ) -> _Searched | None:
     """The search without a run that holds most of what the best model misses; None: that settles nothing.
@@ -47,7 +47,7 @@ def searched_without_run(
     # What was found wrong with the readings was found with that run among the others.
     reduction.correct_readings({})
     reduction.correct_runs({})
-    other = again()
+    other = again(last)
     end, _ = outcome(other)
     if not lacks_fit(end, NEARLY_RIGHT) and len(end.effect_ids) <= max(len(last.effect_ids), 1):
         return other

@@ -43,7 +43,7 @@ ANGLES = [SOURCES.index(MCP), SOURCES.index(PIP)]
 def with_zeros_taken_off(
     reduction: Reduction,
     models: Sequence[FittedModel],
-    again: Callable[[], _Work],
+    again: Callable[[FittedModel], _Work],
     outcome: Callable[[_Work], tuple[FittedModel, bool]],
 ) -> _Work | None:
     """The work done again with the zeros of single runs taken off the angles; None: that bears nothing out.
@@ -67,13 +67,13 @@ def with_zeros_taken_off(
     reduction.go_back(before)
     if fitted.misfit < HALF_LEFT * best.misfit:
         reduction.correct_runs(zeros)
-        found = again()
+        found = again(best)
         first = reduction.known_of_bench
         zeros = _of_fewest(reduction, outcome(found)[0])
         if _alike(zeros, first.run_zeros):
             reduction.go_back(first)
         else:
-            found = again()
+            found = again(best)
         if is_borne_out(best, *outcome(found)):
             return found
         reduction.go_back(before)
@@ -83,7 +83,7 @@ def with_zeros_taken_off(
 def with_zeros_for_last_effect(
     reduction: Reduction,
     path: Sequence[FittedModel],
-    again: Callable[[], _Work],
+    again: Callable[[FittedModel], _Work],
     outcome: Callable[[_Work], tuple[FittedModel, bool]],
 ) -> _Work | None:
     """The work done again with zeros taken off the angles where the path's last effect stands for them.

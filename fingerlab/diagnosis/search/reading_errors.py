@@ -195,7 +195,7 @@ def _followed(reduction: Reduction, suspect: Suspect, found: FittedModel) -> boo
 def with_readings_corrected(
     reduction: Reduction,
     models: Sequence[FittedModel],
-    again: Callable[[], _Work],
+    again: Callable[[FittedModel], _Work],
     outcome: Callable[[_Work], tuple[FittedModel, bool]],
     ended: bool = True,
 ) -> _Work | None:
@@ -216,10 +216,11 @@ def with_readings_corrected(
         return None
     suspect, fitted = suspected
     if _followed(reduction, suspect, fitted):
-        found = again()
+        found = again(best)
         end, complete = outcome(found)
         fewer = len(best.choices) - len(end.choices) >= (1 if complete else 2)
         explained = suspect.channel == FORCE or not lacks_fit(end, suspect.most_left)
+        explained = explained and (ended or not lacks_fit(end, NEARLY_RIGHT))
         if explained and (
             (fewer and end.misfit <= best.misfit)
             or is_borne_out(best, end, complete)
