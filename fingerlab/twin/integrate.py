@@ -178,7 +178,9 @@ def cable_tension(plant: Record, state: Record, at: Pose, step: float) -> float:
     state.elongation = elongation
     if elongation <= 0.0:
         return 0.0
-    return float(max(plant.cable_stiffness * elongation + plant.cable_damping * rate, 0.0))
+    pull = plant.cable_stiffness * elongation
+    pull *= 1.0 + plant.cable_stiffening * pull
+    return float(max(pull + plant.cable_damping * rate, 0.0))
 
 
 @compiled

@@ -66,6 +66,7 @@ PLANT = np.dtype(
             "arm_slope_2",
             "path_at_rest",  # m, cable path of the joints at the start
             "cable_stiffness",  # N/m
+            "cable_stiffening",  # 1/N, over what it pulls as it stiffens
             "cable_damping",  # N s/m
             "slack",  # m, dead travel before the cable pulls
             "wrap",  # friction coefficient times wrap angle of the sheath

@@ -42,6 +42,7 @@ class Missing:
     cubic: tuple[float, float] = (0.0, 0.0)  # N m/rad^3
     tilt: float = 0.0  # rad
     compliance: float = 0.0  # m/N
+    stiffens_at: float = 0.0  # N, k^2 / k2 of a cable with the tension k x + k2 x^2; 0: k2 is none
     lag: float = 0.0  # s by which what the cable gives lags behind its tension, to first order
     delay: float = 0.0  # s
     motor_coulomb: float = 0.0  # N m
@@ -271,6 +272,8 @@ def _record(
     a, b = bench.arms[sign]
     x = bench.missing
     stretching = lagging(tension, x.lag) if x.lag else tension
+    if x.stiffens_at:
+        stretching = 0.5 * x.stiffens_at * (np.sqrt(1.0 + 4.0 * stretching / x.stiffens_at) - 1.0)
     wound = 0.004 + sign * (a * angles[0] + b * angles[1]) + x.compliance * stretching - loose
     position = wound / RADIUS
     speed = np.gradient(position, 1 / RATE)

@@ -104,6 +104,18 @@ def test_error_falls_to_the_floor_when_the_effect_is_added(name: str) -> None:
     assert result.path[0].score == pytest.approx(result.score, rel=0.05)
 
 
+def test_a_cable_that_stiffens_is_told_with_the_tension_at_which_it_does() -> None:
+    """As a straight line it left 2.9 floors on another engine; an error of the angle sensors was told."""
+    bench = made.Bench(missing=Missing(compliance=1.4e-4, stiffens_at=24.5))
+    result = diagnose([made.session(bench)], with_curves=False)
+    assert [step.added for step in result.path] == [None, "cable_stretch"]
+    assert result.path[1].score < 1.1
+    assert result.set[0] == "cable_stretch"
+    told = result.candidates[0].parameters
+    assert told["stiffens_at"].value == pytest.approx(24.5, rel=0.3)  # a shape, looked at by half octaves
+    assert told["cable_compliance"].value == pytest.approx(1.4e-4, rel=0.1)
+
+
 def test_a_second_look_finds_the_edge_of_a_stop_between_the_points_of_the_grid() -> None:
     """Every 5 degrees are tried first; the stop is at -27.7, and what the grid leaves is no second effect."""
     bench = made.Bench(missing=made.Missing(stop=(np.radians(-27.7), 0.5)))

@@ -305,7 +305,9 @@ def contact_lever(row: Row, q: JointMotion) -> np.ndarray:
     return distal + 2 * FINGER.proximal_half_length * np.cos(q.mcp - FINGER.wrist_angle)
 
 
-@pytest.mark.parametrize("time_constant", [s["time_constant"] for s in CATALOGUE["cable_stretch"].shapes])
+@pytest.mark.parametrize(
+    "time_constant", sorted({s["time_constant"] for s in CATALOGUE["cable_stretch"].shapes})
+)
 def test_a_lagging_stretch_is_a_first_order_lag(time_constant: float) -> None:
     """Under a tension sine: 1 / (1 + i w tau) times the tension stretches the cable."""
     seconds, omega = 8.0, 2 * np.pi * 2.0
@@ -322,6 +324,17 @@ def test_a_lagging_stretch_is_a_first_order_lag(time_constant: float) -> None:
     assert change[-1000:] == pytest.approx(expected[-1000:], abs=3e-4)
     assert {t.scale for t in terms} == {"compliance"}
     assert [t.constant for t in terms] == [-1.0]
+
+
+def test_a_cable_that_stiffens_is_stretched_less() -> None:
+    """Of the tension k x + k2 x^2, with k = 7 N/mm and k2 = 2 N/mm^2 (k^2 / k2 = 24.5 N): by x."""
+    stretch = np.linspace(0.0, 1.2e-3, 50)
+    tension = 7e3 * stretch + 2e6 * stretch**2
+    still = np.zeros_like(tension)
+    motion = moving(seconds=len(tension) / 250.0, torque=RADIUS * tension, acceleration=still)
+    (term,) = CATALOGUE["cable_stretch"].columns(motion, {"time_constant": 0.0, "stiffens_at": 24.5})
+    assert (term.scale, term.constant) == ("compliance", -1.0)
+    assert (tension + term.values) / 7e3 == pytest.approx(stretch, abs=1e-12)
 
 
 def test_a_stretch_lags_behind_the_tension_that_motor_and_gearbox_leave() -> None:

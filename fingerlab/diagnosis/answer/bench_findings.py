@@ -228,11 +228,11 @@ def _knocks(last: FittedModel) -> list[BenchFinding]:
 
 
 def _rig_constants(reduction: Reduction, last: FittedModel) -> list[BenchFinding]:
-    """Constants that the runs put where the rig file's tolerances end, if one of them lies clearly beyond.
+    """Constants that the runs put where the rig file's tolerances end, of those that lie clearly beyond.
 
     A law that is nearly right puts constants there as well, but hardly gains by letting them go further.
     """
-    rig, model, off, keys = reduction.rig, last.model, list[str](), list[str]()
+    rig, model, at_end = reduction.rig, last.model, dict[str, str]()
     told = [name for name in RIG_CONSTANTS if name != "inertia" or rig.motor.inertia]
     for name in told if rig.finger is not None else ():
         place = model.index.get(OF_CONSTANT.get(name, name))
@@ -241,17 +241,17 @@ def _rig_constants(reduction: Reduction, last: FittedModel) -> list[BenchFinding
         share = float(last.fit.values[place])
         if not at_bound(share, float(model.low[place]), float(model.high[place])):
             continue
-        keys.append(model.unknowns[place].key)
         if name == "torque_constant":
             share = -share  # the unknown is by what the torque reads too high
         if name == "inertia":
             share *= reduction.scales.of("kg m^2") / (rig.motor.inertia or 1.0)
         what = "motor's inertia" if name == "inertia" else name.replace("_", " ")
         what = what.replace("mcp", "MCP").replace("pip", "PIP")
-        off.append(
+        at_end[model.unknowns[place].key] = (
             f"the {what} (at least {_number(100.0 * abs(share))} % {'higher' if share > 0 else 'lower'})"
         )
-    if not off or not _lies_beyond(reduction, last, keys):
+    off = [at_end[key] for key in _beyond(reduction, last, list(at_end))]
+    if not off:
         return []
     are, advice = "is", "measure it again, or write down the tolerance that it has"
     if len(off) > 1:
@@ -312,8 +312,10 @@ def _dry_friction(last: FittedModel) -> list[str]:
     return [key for key in keys if key in last.model.index]
 
 
-def _lies_beyond(reduction: Reduction, last: FittedModel, keys: Sequence[str]) -> bool:
-    """Whether one of some constants, let go beyond its tolerance, leaves clearly less of runs left out."""
+def _beyond(reduction: Reduction, last: FittedModel, keys: Sequence[str]) -> list[str]:
+    """Those of some constants that leave clearly less of runs left out, let go beyond their tolerance."""
+    if not keys:
+        return []
     effects = at_found_shapes(last)
     reduced, choices = reduction.refined(effects), [Choice(one) for one in effects]
 
@@ -328,7 +330,7 @@ def _lies_beyond(reduction: Reduction, last: FittedModel, keys: Sequence[str]) -
         return replace(reduced.layout, nuisances={**reduced.layout.nuisances, key: free})
 
     within = left_by(reduced.layout)
-    return any(within - left_by(freed(key)) > LEFT_BEYOND_TOLERANCE * within for key in keys)
+    return [key for key in keys if within - left_by(freed(key)) > LEFT_BEYOND_TOLERANCE * within]
 
 
 def _shown(reduction: Reduction) -> list[BenchFinding]:

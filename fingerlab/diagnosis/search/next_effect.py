@@ -271,11 +271,10 @@ def at_edges(scorer: Scorer, evidence: Evidence, refined: Sequence[FittedModel] 
 
 
 def _first_try(scorer: Scorer, base: FittedModel, choice: Choice) -> FittedModel:
-    choices = [*base.choices, choice]
-    if not choice.effect.turns:
-        return scorer.fit(choices, base, 1)
+    # One step may lead far above where two more come to: of a cable that gives, to five times the cost.
+    found = scorer.fit([*base.choices, choice], base, SCREEN_ITERATIONS)
     # Where the face has turned, the tip may do otherwise than it seemed to.
-    return scorer.with_best_law(scorer.fit(choices, base, SCREEN_ITERATIONS), SCREEN_ITERATIONS)
+    return scorer.with_best_law(found, SCREEN_ITERATIONS) if choice.effect.turns else found
 
 
 def climb_grid(scorer: Scorer, fitted: FittedModel) -> FittedModel:
