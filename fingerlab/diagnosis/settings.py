@@ -771,8 +771,9 @@ errors of the law go with its square."""
 NEAR_SHARE = 0.05
 """An effect that leaves this share more of all that is missed than the best one does may have the coarser
 grid: a presliding travel half a step off leaves 2 to 3 per cent. Assumed."""
-MOST_RIVALS = 3
-"""So many of a set are looked at again, the likeliest first."""
+MOST_RIVALS, MOST_RIVALS_FAR_OFF = 3, 6
+"""So many of a set are looked at again, the likeliest first; the latter where the best leaves much, and any
+of them may lead between the points of its grid. Assumed: of four noisy runs the true friction stood sixth."""
 
 # ## The next experiment
 

@@ -29,6 +29,7 @@ from fingerlab.diagnosis.settings import (
     LACK_OF_FIT,
     LOOKING_ITERATIONS,
     MOST_RIVALS,
+    MOST_RIVALS_FAR_OFF,
     NEAR_SHARE,
     NEARLY_RIGHT,
     OTHER_FLOORS,
@@ -258,15 +259,28 @@ def ties_to_refine(
     leaves much, a law that holds the gains of one of them and more is looked at, too: on a grid as coarse as
     its own it may leave more than the plain one.
     """
-    tied = alike(evidence, least)[:MOST_RIVALS]
     candidates = evidence.candidates
+    much = evidence.least_left > NEARLY_RIGHT
+    tied = _first_rivals(candidates, alike(evidence, least), MOST_RIVALS_FAR_OFF if much else MOST_RIVALS)
     others = {i for i, one in enumerate(candidates) if also & one.last_effect.shape_units.keys()}
-    if evidence.least_left > NEARLY_RIGHT:
+    if much:
         laws = [candidates[i].last_effect for i in tied]
         others |= {i for i, one in enumerate(candidates) if any(holds(one.last_effect, law) for law in laws)}
     others.update(_near_the_best(evidence))
     tied += sorted(others.difference(tied))
     return [] if len(tied) < 2 or not any(can_refine(candidates[i].choices) for i in tied) else tied
+
+
+def _first_rivals(candidates: Sequence[FittedModel], alike: Sequence[int], most: int) -> list[int]:
+    """The likeliest of some candidates, down to so many that have other shapes to look at."""
+    first: list[int] = []
+    refinable = 0
+    for i in alike:
+        if refinable == most:
+            break
+        first.append(i)
+        refinable += can_refine(candidates[i].choices)
+    return first
 
 
 def _near_the_best(evidence: Evidence) -> list[int]:
