@@ -168,6 +168,16 @@ def test_friction_of_the_joints_is_told_from_that_of_the_drive_where_angles_are_
     assert said.path[-1].score < 1.3
 
 
+def test_inertia_and_friction_of_the_motor_are_no_late_torque(tmp_path: Path) -> None:
+    """A lag explains so much of both together that it was taken off before either was looked for."""
+    trial = Trial("twin", "rich", ("motor_inertia", "motor_viscous_friction"), 12884, varied=True)
+    record_varied(trial, tmp_path / "both.h5")
+    said = diagnose([open_varied(trial, tmp_path / "both.h5")], with_curves=False)
+    assert {step.added for step in said.path[1:]} == set(trial.effects)
+    assert said.path[-1].score < 1.15
+    assert "skew" not in [one.kind for one in said.bench]
+
+
 def test_friction_and_zeros_that_move_are_found_though_either_hides_the_other(tmp_path: Path) -> None:
     """Three runs of the second engine, each of another motion and with zeros of its own.
 
