@@ -124,7 +124,7 @@ EFFECT = Effect(
     },
     coordinate="tension",
     equation=Row.CABLE,
-    explanation="The cable that is wound beyond what the joints call for is proportional to the tension.",
+    explanation="The cable that is wound beyond what the joints call for grows with the tension.",
     reveal="a contact run, where the tension changes much and the joints hardly move",
     mend="Use a stiffer or a shorter cable.",
     formula=Formula(
