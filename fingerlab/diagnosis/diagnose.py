@@ -210,7 +210,11 @@ def _searched(
     if before is not None and _hardly_helps(before, found.path[-1]):
         return question, found, display  # nor will a further error of the bench beside it
     if lacks_fit(found.path[-1], NEARLY_RIGHT):
-        found = searched_again(question, scorer, found)
+        searched = question, found, display
+        other = searched_with_constants(searched, scorer, again)
+        if given and other is not searched:
+            return other
+        question, found, display = other
     by, last = found.refined or found.scorer, found.path[-1]
     if other := searched_without_run(reduction, by, last, again, _outcome):
         return other
@@ -274,29 +278,37 @@ def check_held(reduction: Reduction, scorer: Scorer, given: Sequence[Effect]) ->
             raise UserError(f"{key} is {value:g} {unit}; hold it between {low:g} and {high:g} {unit}.")
 
 
-def searched_again(question: Question, scorer: Scorer, found: Found) -> Found:
+def searched_with_constants(
+    searched: _Searched, scorer: Scorer, again: Callable[[FittedModel], _Searched]
+) -> _Searched:
     """The search with constants of the runs by what the best models miss on their averages.
 
     What moves and what is missing may each hide the other: alone neither explains anything.
     Only of runs whose motion does not come again, which would have told them, or where some were told and
     others may be hidden by those; and only if that leaves far less, or half and nothing more to be found.
+    Given effects were looked at without the constants and bent to them, so they are fitted anew.
     """
+    question, found, display = searched
     reduction, last = question.reduction, found.path[-1]
     if scorer.reduced.on_bench and zero_is_confounded(reduction.analysed):
-        return found
+        return searched
     others = [one for name, one in found.looked_at.items() if name not in last.effect_ids]
     near = nearest(found.evidence.candidates)[:CANDIDATES_REFITTED]
     models = [(found.refined or scorer, last), *others, *((found.scorer, one) for one in near)]
     each = (likeliest_constants(reduction, by, model) for by, model in models)
     constants, beside = min(each, key=lambda one: math.inf if one[0] is None else one[1].misfit)
     if constants is None or not beside.misfit < HALF_LEFT * last.misfit:
-        return found
-    before, reduction.constants = reduction.constants, constants
-    other = search_effects(question, begin_search(question, scorer.with_constants(constants)))
-    if is_borne_out(last, other.path[-1], other.evidence.verdict == Verdict.NOTHING_MISSING):
+        return searched
+    before, reduction.constants = reduction.known_of_bench, constants
+    if question.given:
+        other = again(last)
+    else:
+        begun = begin_search(question, scorer.with_constants(constants))
+        other = question, search_effects(question, begun), display
+    if is_borne_out(last, *_outcome(other)):
         return other
-    reduction.constants = before
-    return found
+    reduction.go_back(before)
+    return searched
 
 
 def searched_with_lag(

@@ -186,8 +186,14 @@ def test_friction_and_zeros_that_move_are_found_though_either_hides_the_other(tm
     """
     trial = Trial("engine", "short", ("coulomb_friction",), 12724, varied=True)
     record_varied(trial, tmp_path / "moved.h5")
-    said = diagnose([open_varied(trial, tmp_path / "moved.h5")], with_curves=False)
+    session = open_varied(trial, tmp_path / "moved.h5")
+    said = diagnose([session], with_curves=False)
     assert said.candidates[0].effect == "coulomb_friction"
     assert [step.added for step in said.path] == [None, "coulomb_friction"]
     assert said.path[-1].score < 1.4
     assert "mcp_angle" in [found.channel for found in said.bench if found.kind == "moving_zero"]
+    # Given, it is fitted beside the zeros, too: without them it bent to them, and Stribeck friction was told.
+    given = diagnose([session], said.final_model, with_curves=False)
+    assert given.verdict == "nothing_missing"
+    assert given.better is None
+    assert given.score == pytest.approx(said.path[-1].score, rel=0.02)

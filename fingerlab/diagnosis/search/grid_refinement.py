@@ -213,8 +213,14 @@ def _went_far(one: Choice, began: Choice) -> bool:
     if one.shape == began.shape:
         return False
     found, start = effect.shapes[one.shape], effect.shapes[began.shape]
-    same = [shape for i, shape in enumerate(effect.shapes) if effect.law_at(i) == law]
-    for name in (*law, *({"travel_deg"} & found.keys() - law)):
+    numbers = (*law, *({"travel_deg"} & found.keys() - law))
+    kind = found.keys() - set(numbers)  # as how steep a travel is: each has ends of its own
+    same = [
+        shape
+        for i, shape in enumerate(effect.shapes)
+        if effect.law_at(i) == law and all(shape.get(name) == found[name] for name in kind)
+    ]
+    for name in numbers:
         number, before = found[name], start.get(name)
         ends = [pick(shape[name] for shape in same if name in shape) for pick in (min, max)]
         if number != before and number in ends:

@@ -45,7 +45,12 @@ from fingerlab.diagnosis.search.grid_refinement import (
 )
 from fingerlab.diagnosis.search.joint_search import path_beside_slack, path_of_many
 from fingerlab.diagnosis.search.next_effect import judge_all, rescore
-from fingerlab.diagnosis.search.path import does_better, forward_selection, worth_a_further_effect
+from fingerlab.diagnosis.search.path import (
+    does_better,
+    forward_selection,
+    with_own_weights,
+    worth_a_further_effect,
+)
 from fingerlab.diagnosis.search.ties import Refined, break_ties, rescore_refined
 from fingerlab.diagnosis.settings import (
     FULL_ITERATIONS,
@@ -179,6 +184,8 @@ def search_effects(question: Question, begun: Begun) -> Found:
     rivals: list[ExchangedModel] = []
     smaller = None
     if question.alone is not None:
+        if len(path) == 1:
+            evidence = _in_floors_of_given(scorer, evidence)
         path = [evidence.base, *path[1:]]
         given = Given(scorer, path[0], *question.alone)
         rivals = _rivals(question, given, path, refined or scorer, evidence.candidates)
@@ -190,6 +197,15 @@ def search_effects(question: Question, begun: Begun) -> Found:
     if not all(group.repeats for group in scorer.reduced.groups):
         found = _in_floors(question, found)
     return _with_what_could_hide(found)
+
+
+def _in_floors_of_given(scorer: Scorer, evidence: Evidence) -> Evidence:
+    """The evidence, with every score in the floors of the model as given, if it is likelier in those.
+
+    The effect that leads beside it sets them, which need not be there.
+    """
+    own = with_own_weights(scorer, evidence.base)
+    return evidence if own is evidence.base else rescore(scorer, evidence, own.weights)
 
 
 def _with_law_of_path(evidence: Evidence, end: FittedModel) -> Evidence:
