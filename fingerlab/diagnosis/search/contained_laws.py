@@ -112,10 +112,14 @@ def _plainer_at(
 
 
 def _with_shape_of(plainer: Effect, law: Effect) -> Effect:
-    """The plainer law with the shape at which the one that contains it was found, without what is its own."""
+    """The plainer law with the shape at which the one that contains it was found, without what is its own.
+
+    As it is, if the larger one was found at none of its numbers.
+    """
     own = law.shape_units.keys() - plainer.shape_units.keys()
     found = {name: number for name, number in law.shapes[0].items() if name not in own}
-    return plainer if found in plainer.shapes else replace(plainer, shapes=(found, *plainer.shapes))
+    known = found in plainer.shapes or not found.keys() & plainer.shape_units.keys()
+    return plainer if known else replace(plainer, shapes=(found, *plainer.shapes))
 
 
 def _with_last(scorer: Scorer, fitted: FittedModel, place: int, weights: Weights) -> FittedModel:
