@@ -84,13 +84,17 @@ class Given:
     alone: Scorer
     fitted_alone: FittedModel
 
-    def last(self, place: int) -> tuple[FittedModel, Array]:
-        """The model with its effect at ``place`` as its last, and what it leaves more of each condition."""
-        weights, fitted = self.fitted.weights, self.fitted
+    def last(self, place: int, weights: Weights | None = None) -> tuple[FittedModel, Array]:
+        """The model with its effect at ``place`` as its last, and what it leaves more of each condition.
+
+        ``weights``: under which both are fitted; None: its own.
+        """
+        under, fitted = weights or self.fitted.weights, self.fitted
         if place < len(fitted.choices) - 1:
-            fitted = scored_under(self.scorer, _with_last(self.scorer, fitted, place), weights)
-        alone = scored_under(self.alone, self.fitted_alone, weights)
-        return fitted, self.fitted.misfits[:, 0] - alone.misfits[:, 0]
+            fitted = _with_last(self.scorer, fitted, place)
+        fitted = scored_under(self.scorer, fitted, under)
+        alone = scored_under(self.alone, self.fitted_alone, under)
+        return fitted, scored_under(self.scorer, self.fitted, under).misfits[:, 0] - alone.misfits[:, 0]
 
 
 def find_rivals(
@@ -192,24 +196,55 @@ def _in_place_of(
 ) -> list[ExchangedModel]:
     """Models without the given effect at ``place`` that do as well as the model as given and its path."""
     scorer = given.scorer
-    own, more = given.last(place)
+    own, _ = given.last(place)
     without = scorer.score_held_out(scorer.fit(own.choices[:-1], own, FULL_ITERATIONS))
-    known = [own]
     rivals = _exchanged(reduction, scorer, without, own, shapes, watch)
     if end is not None:
-        known += [end if path_scorer is scorer else _leaving_more(end, more)]
         spared = _spared(path_scorer, end, place, len(own.choices))
         rivals += [] if spared is None else [spared]
-    rivals = [
-        one
-        if one.scorer is scorer
-        else replace(one, steps=tuple(_leaving_more(step, more) for step in one.steps))
-        for one in rivals
-    ]
+    known = None if end is None else (path_scorer, end)
+    under = _judged_under(given, known, place, own.weights, rivals)
+    return [_in_either_floors(given, known, place, one) for one in under if one.log_odds > -SET_LOG_ODDS]
+
+
+def _judged_under(
+    given: Given,
+    end: tuple[Scorer, FittedModel] | None,
+    place: int,
+    weights: Weights,
+    rivals: Sequence[ExchangedModel],
+) -> list[ExchangedModel]:
+    """The rivals that are worth an effect, with their odds in the floors of these ``weights``."""
+    scorer = given.scorer
+    own, more = given.last(place, weights)
+    without = scorer.score_held_out(scorer.fit(own.choices[:-1], own, FULL_ITERATIONS))
+
+    def seen(by: Scorer, fitted: FittedModel) -> FittedModel:
+        one = scored_under(by, fitted, weights)
+        return one if by is scorer else _leaving_more(one, more)
+
+    known = [own] if end is None else [own, seen(*end)]
+    rivals = [replace(one, steps=tuple(seen(one.scorer, step) for step in one.steps)) for one in rivals]
     # What would not be missing if neither were there is no rival: then the given effect is idle, too.
     rivals = [one for one in rivals if justified(without, one.steps[0])]
     odds = _log_odds(without, known, rivals)
-    return [replace(one, log_odds=o) for one, o in zip(rivals, odds, strict=True) if o > -SET_LOG_ODDS]
+    return [replace(one, log_odds=o) for one, o in zip(rivals, odds, strict=True)]
+
+
+def _in_either_floors(
+    given: Given, end: tuple[Scorer, FittedModel] | None, place: int, rival: ExchangedModel
+) -> ExchangedModel:
+    """The rival; one that seems better, with its odds in its own floors, if they are lower there.
+
+    Each of two sheaths may leave less in the floors of the other: added in place of each other in turn, each
+    was told to be the better one.
+    """
+    if not rival.better:
+        return rival
+    settled = rival.scorer.fit_reweighted(rival.fitted.choices, rival.fitted)
+    found = _judged_under(given, end, place, settled.weights, [rival])
+    odds = found[0].log_odds if found else -SET_LOG_ODDS
+    return replace(rival, log_odds=min(rival.log_odds, odds))
 
 
 def _exchanged(

@@ -184,8 +184,6 @@ def search_effects(question: Question, begun: Begun) -> Found:
     rivals: list[ExchangedModel] = []
     smaller = None
     if question.alone is not None:
-        if len(path) == 1:
-            evidence = _in_floors_of_given(scorer, evidence)
         path = [evidence.base, *path[1:]]
         given = Given(scorer, path[0], *question.alone)
         rivals = _rivals(question, given, path, refined or scorer, evidence.candidates)
@@ -196,16 +194,26 @@ def search_effects(question: Question, begun: Begun) -> Found:
     found = Found(scorer, evidence, path, refined, rivals, many is not None, looked_at, smaller)
     if not all(group.repeats for group in scorer.reduced.groups):
         found = _in_floors(question, found)
-    return _with_what_could_hide(found)
+    return _in_floors_of_given(question, _with_what_could_hide(found))
 
 
-def _in_floors_of_given(scorer: Scorer, evidence: Evidence) -> Evidence:
-    """The evidence, with every score in the floors of the model as given, if it is likelier in those.
+def _in_floors_of_given(question: Question, found: Found) -> Found:
+    """What was found; where nothing is missing beside a given model, told in the floors of that, if likelier.
 
-    The effect that leads beside it sets them, which need not be there.
+    The effect that leads beside it set them, which is not there: given, a friction of the joints that was
+    found at 1.26 floors left 1.64.
     """
+    evidence, scorer = found.evidence, found.scorer
+    if question.alone is None or len(found.path) > 1 or evidence.verdict != Verdict.NOTHING_MISSING:
+        return found
     own = with_own_weights(scorer, evidence.base)
-    return evidence if own is evidence.base else rescore(scorer, evidence, own.weights)
+    if own is evidence.base:
+        return found
+    told = rescore(scorer, evidence, own.weights)
+    # What could not be seen was judged as it was compared.
+    each = zip(told.candidates, evidence.candidates, strict=True)
+    candidates = tuple(replace(new, sensitivity=old.sensitivity) for new, old in each)
+    return replace(found, evidence=replace(told, candidates=candidates), path=[told.base])
 
 
 def _with_law_of_path(evidence: Evidence, end: FittedModel) -> Evidence:
