@@ -206,6 +206,9 @@ def _in_floors_of_given(question: Question, found: Found) -> Found:
     evidence, scorer = found.evidence, found.scorer
     if question.alone is None or len(found.path) > 1 or evidence.verdict != Verdict.NOTHING_MISSING:
         return found
+    if (smaller := found.smaller) is not None:
+        alone = with_own_weights(smaller.scorer, smaller.fitted)
+        found = replace(found, smaller=replace(smaller, steps=(alone,)))
     own = with_own_weights(scorer, evidence.base)
     if own is evidence.base:
         return found
