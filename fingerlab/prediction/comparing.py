@@ -20,7 +20,7 @@ from fingerlab.diagnosis.fit.solver import Fit, Fitter
 from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.gram.sums import Reduced
 from fingerlab.diagnosis.score.bench_constants import settle_constants
-from fingerlab.diagnosis.score.fitted_model import FittedModel
+from fingerlab.diagnosis.score.fitted_model import FittedModel, reaching
 from fingerlab.diagnosis.score.scorer import Scorer
 from fingerlab.diagnosis.settings import NARROW_RATE_HZ
 from fingerlab.diagnosis.signals.scales import Scales, find_scales
@@ -123,14 +123,22 @@ def compare_models(
 
 
 def _union(variants: Sequence[Variant], scales: Scales) -> list[Effect]:
-    """Every effect of the models once, with all shapes (in reduced units) in which they hold it."""
+    """Every effect of the models once, with all shapes (in reduced units) in which they hold it.
+
+    With ranges as wide as their values ask for: a search may have widened what nobody had measured.
+    """
     found: dict[str, tuple[Effect, list[Mapping[str, float]]]] = {}
     for variant in variants:
         for chosen in variant.effects:
-            _, shapes = found.setdefault(chosen.effect.id, (chosen.effect, []))
+            name = chosen.effect.id
+            known, shapes = found.get(name, (chosen.effect, []))
+            values = {
+                one: variant.values[f"{name}.{one}"] / scales.of(gain.unit)
+                for one, gain in known.unknowns.items()
+                if f"{name}.{one}" in variant.values
+            }
             shape = chosen.shape_in(scales)
-            if shape not in shapes:
-                shapes.append(shape)
+            found[name] = reaching(known, values), [*shapes, *([] if shape in shapes else [shape])]
     return [replace(one, shapes=tuple(shapes)) for one, shapes in found.values()]
 
 

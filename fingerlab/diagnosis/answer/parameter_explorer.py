@@ -107,7 +107,8 @@ class ParameterExplorer:
         free = self._scorer.reduced.fixed and Scorer(replace(self._scorer.reduced, fixed={}))
         ranges = free.model(self.model.choices, self.model.tip_law).unknowns if free else self.model.unknowns
         found = []
-        for unknown in ranges:
+        told = (unknown for unknown in ranges if unknown.key in diagnosis.parameters)  # others: of other laws
+        for unknown in told:
             one, size = unknown.parameter, self._size(unknown.parameter.unit)
             estimate = diagnosis.parameters[unknown.key]
             spread = 0.0 if unknown.open else size * one.typical

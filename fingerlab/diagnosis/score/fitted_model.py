@@ -25,7 +25,7 @@ from fingerlab.diagnosis.fit.data import Weights, random_effect_columns, tempera
 from fingerlab.diagnosis.fit.noise import noise_of_a_sample
 from fingerlab.diagnosis.fit.solver import Fit, Fitter
 from fingerlab.diagnosis.gram.sums import Group, PairSums, feature_weights
-from fingerlab.diagnosis.settings import AT_BOUND, CLEARLY_SHOWN, MOST_PAIRED
+from fingerlab.diagnosis.settings import AT_BOUND, CLEARLY_SHOWN, MOST_PAIRED, MOST_WIDENED
 from fingerlab.diagnosis.signals.conditions import GroupKey
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
 from fingerlab.diagnosis.signals.scales import powers_of
@@ -52,24 +52,47 @@ def at_bound(value: float, low: float, high: float) -> bool:
     return (low != 0.0 and value < low + near_low) or (high != 0.0 and value > high - near_high)
 
 
-def at_assumed_bounds(fitted: FittedModel) -> list[str]:
-    """Unknowns of the last effect that stand at a bound which nobody measured: strengths with a unit.
+def at_assumed_bounds(fitted: FittedModel, place: int = -1) -> list[str]:
+    """Unknowns of the effect at a ``place`` of the model that stand at a bound which nobody measured."""
+    effect = fitted.choices[place].effect
+    found = []
+    for name in _of_assumed_ranges(effect):
+        index = fitted.model.index.get(name if name in effect.relaxes else f"{effect.id}.{name}")
+        gain = effect.unknowns[name]
+        if index is not None and at_bound(float(fitted.fit.values[index]), gain.low, gain.high):
+            found.append(name)
+    return found
+
+
+def _of_assumed_ranges(effect: Effect) -> list[str]:
+    """Unknowns whose range nobody measured: strengths with a unit.
 
     A bound of zero is a matter of sign, one that a rig file or a data sheet gives is known, and a number
     without a unit does not grow with the machine.
     """
-    effect = fitted.last_effect
-    found = []
-    for name, gain in effect.unknowns.items():
-        place = fitted.model.index.get(name if name in effect.relaxes else f"{effect.id}.{name}")
-        if place is None or gain.limits is not None or not gain.source.startswith("assumed"):
-            continue
-        if not any(powers_of(gain.unit)):
-            continue
-        value = float(fitted.fit.values[place])
-        if at_bound(value, gain.low, gain.high):
-            found.append(name)
-    return found
+    return [
+        name
+        for name, gain in effect.unknowns.items()
+        if gain.limits is None and gain.source.startswith("assumed") and any(powers_of(gain.unit))
+    ]
+
+
+def reaching(effect: Effect, values: Mapping[str, float]) -> Effect:
+    """The effect with assumed ranges as wide as some values of its unknowns ask for, as a search makes them.
+
+    Args:
+        values: in reduced units, by name; others may be among them.
+    """
+    for _ in range(MOST_WIDENED):
+        names = [
+            name
+            for name in _of_assumed_ranges(effect)
+            if name in values and not effect.unknowns[name].low <= values[name] <= effect.unknowns[name].high
+        ]
+        if not names:
+            break
+        effect = effect.wider(names)
+    return effect
 
 
 def at_bounds(fitted: FittedModel) -> list[str]:

@@ -237,7 +237,10 @@ def _is_another_law(one: Choice, other: Choice) -> bool:
 def _best_of_finer(scorer: Scorer, finer: Sequence[Effect], places: Sequence[int]) -> FittedModel:
     """The effects at the best of their shapes, looked for from these ``places`` on."""
     fitted = scorer.fit_reweighted([Choice(e, i) for e, i in zip(finer, places, strict=True)])
-    return _at_best_shapes(scorer, fitted)
+    found = _at_best_shapes(scorer, fitted)
+    # What one law leaves to another at its best shape may be more than was looked for on the grid.
+    wider = off_its_bounds(scorer, found, FULL_ITERATIONS, every=True)
+    return found if wider is found else scorer.fit_reweighted(wider.choices, wider)
 
 
 def refine_last(

@@ -226,14 +226,18 @@ def screen(
     return sorted(candidates, key=_cost)
 
 
-def off_its_bounds(scorer: Scorer, fitted: FittedModel, iterations: int = SCREEN_ITERATIONS) -> FittedModel:
-    """The model; where its last effect stands at an assumed bound, fitted again with a wider range."""
+def off_its_bounds(
+    scorer: Scorer, fitted: FittedModel, iterations: int = SCREEN_ITERATIONS, every: bool = False
+) -> FittedModel:
+    """The model; where its last effect stands at an assumed bound, or ``every``, fitted with a wider range."""
+    places = range(len(fitted.choices)) if every else [len(fitted.choices) - 1]
     for _ in range(MOST_WIDENED):
-        names = at_assumed_bounds(fitted)
-        if not names:
+        choices, stuck = list(fitted.choices), {k: at_assumed_bounds(fitted, k) for k in places}
+        if not any(stuck.values()):
             break
-        *given, last = fitted.choices
-        wider = scorer.fit([*given, Choice(last.effect.wider(names), last.shape)], fitted, iterations)
+        for k, names in stuck.items():
+            choices[k] = replace(choices[k], effect=choices[k].effect.wider(names)) if names else choices[k]
+        wider = scorer.fit(choices, fitted, iterations)
         if wider.fit.cost >= fitted.fit.cost:
             break
         fitted = wider
