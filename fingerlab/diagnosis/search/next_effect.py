@@ -229,7 +229,7 @@ def screen(
 def off_its_bounds(
     scorer: Scorer, fitted: FittedModel, iterations: int = SCREEN_ITERATIONS, every: bool = False
 ) -> FittedModel:
-    """The model; where its last effect stands at an assumed bound, or ``every``, fitted with a wider range."""
+    """The model; where its last effect stands at an assumed bound, or ``every``, with a wider range."""
     places = range(len(fitted.choices)) if every else [len(fitted.choices) - 1]
     for _ in range(MOST_WIDENED):
         choices, stuck = list(fitted.choices), {k: at_assumed_bounds(fitted, k) for k in places}
