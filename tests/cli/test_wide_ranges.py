@@ -45,6 +45,7 @@ def greased(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_what_is_found_does_not_go_by_the_order_in_which_effects_are_added(greased: Path) -> None:
     """Coulomb friction first, the viscous one had stood at its bound, and the rest was a nuisance's."""
+    seen = np.concatenate([run.channel("motor_position") for run in open_session(greased).runs])
     for added in (BOTH, BOTH[::-1]):
         said = diagnose([open_session(greased)], added, with_curves=False)
         assert said.verdict == "nothing_missing"
@@ -52,6 +53,12 @@ def test_what_is_found_does_not_go_by_the_order_in_which_effects_are_added(greas
         told = {name: said.parameters[name].value / RADIUS for name in said.parameters}
         assert told["motor_coulomb_friction.coulomb"] == pytest.approx(COULOMB, rel=0.01)
         assert told["motor_viscous_friction.viscous"] / RADIUS == pytest.approx(VISCOUS, rel=0.01)
+        # Where to go on: no further than the guide was seen to go.
+        assert said.next_experiment is not None
+        motion = said.next_experiment["trajectory"]
+        for end in (-1.0, 1.0):
+            place = np.radians(motion["offset_deg"] + end * motion["amplitude_deg"])
+            assert min(seen) - 2e-4 < place < max(seen) + 2e-4
 
 
 def test_a_saved_model_is_compared_as_it_was_found(greased: Path, tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ effect is large, and costs milliseconds.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -211,9 +212,12 @@ def _rounded(change: Intervention, scales: Scales) -> Intervention:
 def bench_menu(rig: Rig, loads: Sequence[float], seen: SeenLimits | None = None) -> Iterator[Proposal]:
     """Runs of the motor alone against known ``loads``, N m; within what was ``seen``, if that is told."""
     for load in loads:
-        for kind, frequency, amplitude in BENCH:
+        for kind, frequency, usual in BENCH:
+            amplitude, middle = seen.within(usual) if seen is not None else (usual, None)
             for tried in [(frequency, amplitude)] if seen is None else _gentler(frequency, amplitude):
-                trajectory = _wave(kind, tried[0], tried[1], offset_deg=round(tried[1] + 5.0, 2))
+                about = tried[1] + 5.0 if middle is None else middle
+                reach = math.floor(100.0 * tried[1]) / 100.0  # no further than it was
+                trajectory = _wave(kind, tried[0], reach, offset_deg=round(about, 2))
                 motion = bench_motion(rig, trajectory, load)
                 if seen is not None and not seen.allows(motion, load):
                     continue

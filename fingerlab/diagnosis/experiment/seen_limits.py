@@ -31,12 +31,24 @@ class SeenLimits:
         laws: coefficients of the torque for the columns of :func:`_columns`, (laws, 5): two where the
             recordings do not tell an inertia from a spring.
         torques: the largest by each law, N m, (laws,): noise is nothing that a drive has to bear.
+        travel: lowest and highest position, rad; None where the motor turns on and on.
     """
 
     speed: float
     acceleration: float
     laws: Array
     torques: Array
+    travel: tuple[float, float] | None = None
+
+    def within(self, amplitude_deg: float) -> tuple[float, float | None]:
+        """Amplitude and offset, degrees at the pulley, of a motion that stays where the machine has been.
+
+        No offset where it turns on and on.
+        """
+        if self.travel is None:
+            return amplitude_deg, None
+        low, high = np.degrees(self.travel)
+        return min(amplitude_deg, float(high - low) / 2.0), float(high + low) / 2.0
 
     def _too_quick(self, motion: Motion) -> bool:
         """Whether a motion is faster, or turns round more sharply, than it may be."""
@@ -76,7 +88,9 @@ def seen_limits(sessions: Sequence[Session]) -> SeenLimits | None:
         return None
     joined, torque, load = np.concatenate(parts, axis=1), np.concatenate(torques), np.concatenate(loads)
     _, speed, acceleration = np.abs(joined).max(axis=1)
-    return SeenLimits(float(speed), float(acceleration), *_laws(_columns(*joined), torque, load, turns))
+    laws, largest = _laws(_columns(*joined), torque, load, turns)
+    travel = None if turns else (float(joined[0].min()), float(joined[0].max()))
+    return SeenLimits(float(speed), float(acceleration), laws, largest, travel)
 
 
 def _narrow(motion: Motion) -> Array:
