@@ -178,6 +178,19 @@ def test_inertia_and_friction_of_the_motor_are_no_late_torque(tmp_path: Path) ->
     assert "skew" not in [one.kind for one in said.bench]
 
 
+def test_a_tilt_half_way_between_two_points_of_its_grid_is_missing(tmp_path: Path) -> None:
+    """13 degrees, where 8 and 16 are tried first: "nothing missing" was said, with 9 floors of joint torque."""
+    path = tmp_path / "sealed.h5"
+    run("simulate", "--protocol", "rich", "--hidden", "--seed", "21", "--out", path)
+    answer = run("diagnose", path)
+    assert [*run("reveal", path)["effects"]] == ["gravity_tilt"]
+    assert answer["verdict"] == "missing_effect"
+    assert answer["path"][-1]["score"] < 1.1
+    # The load cell alone may have been turned by as much.
+    assert answer["candidates"][0]["effect"] == "gravity_tilt"
+    assert set(answer["set"]) == {"gravity_tilt", "contact_angle"}
+
+
 def test_friction_and_zeros_that_move_are_found_though_either_hides_the_other(tmp_path: Path) -> None:
     """Three runs of the second engine, each of another motion and with zeros of its own.
 

@@ -10,10 +10,11 @@ from fingerlab.diagnosis.gram.reduction import Reduction
 from fingerlab.diagnosis.score.evidence import Evidence
 from fingerlab.diagnosis.score.fitted_model import FittedModel
 from fingerlab.diagnosis.score.scorer import Scorer
+from fingerlab.diagnosis.score.selection import lacks_fit, redundant_steps
 from fingerlab.diagnosis.search.grid_refinement import can_refine, refine_path
 from fingerlab.diagnosis.search.path import forward_selection, worth_a_further_effect
 from fingerlab.diagnosis.search.ties import NOTHING, Refined, break_ties
-from fingerlab.diagnosis.settings import FULL_ITERATIONS, GRID_LOG_ODDS
+from fingerlab.diagnosis.settings import FULL_ITERATIONS, GRID_LOG_ODDS, NEARLY_RIGHT
 from fingerlab.effects.base import Effect
 
 
@@ -70,12 +71,13 @@ class RefinedPath:
 class FirstStep:
     """The path of one effect at most, and the same between the points of its grid, if it has one.
 
-    ``looked_at``: effects that were as near.
+    ``looked_at``: effects that were as near. ``between``: it is worth a step between those points alone.
     """
 
     path: list[FittedModel]
     refined: RefinedPath | None
     looked_at: Refined = field(default_factory=dict)
+    between: bool = False
 
     @property
     def beyond_grid(self) -> frozenset[str]:
@@ -123,7 +125,7 @@ def first_step(question: Question, scorer: Scorer, evidence: Evidence) -> tuple[
     effects = scorer.reduced.layout.effects
     path = forward_selection(scorer, evidence, effects, len(question.given), watch, most=1)
     if len(path) != 2:
-        return evidence, FirstStep(path, None)
+        return evidence, _step_off_grid(question, evidence) or FirstStep(path, None)
     first = _refined_first(question, path)
     if not worth_a_further_effect(first.end):
         return evidence, first
@@ -136,6 +138,21 @@ def first_step(question: Question, scorer: Scorer, evidence: Evidence) -> tuple[
     if resolved.best is not evidence.best:
         first = _refined_first(question, [resolved.base, resolved.best], found)
     return resolved, replace(first, looked_at=found)
+
+
+def _step_off_grid(question: Question, evidence: Evidence) -> FirstStep | None:
+    """The best effect, where it is worth a step between the points of its grid alone; None: it is not.
+
+    Only beside a model that is not nearly right: half-way between two points of its grid, eight degrees
+    apart, a base that is tilted explained a third of what it does.
+    """
+    if not (evidence.candidates and lacks_fit(evidence.base, NEARLY_RIGHT)):
+        return None
+    if not can_refine(evidence.best.choices):
+        return None
+    found = _refined_first(question, [evidence.base, evidence.best])
+    steps = [] if found.refined is None else found.refined.path
+    return replace(found, between=True) if len(steps) == 2 and not redundant_steps(steps) else None
 
 
 def _refined_first(question: Question, path: list[FittedModel], looked_at: Refined = NOTHING) -> FirstStep:

@@ -366,7 +366,7 @@ def _path(
     if first.refined is None or worth_a_further_effect(first.end):
         effects, watch = scorer.reduced.layout.effects, question.stages.part(0.75, 0.88)
         path = forward_selection(scorer, evidence, effects, len(question.given), watch)
-    if evidence.verdict != Verdict.MISSING_EFFECT or len(path) != 2:
+    if len(path) != 2 or not (first.between or evidence.verdict == Verdict.MISSING_EFFECT):
         return evidence, path, first.looked_at
     watch, beyond = question.stages.part(0.88, 0.9), first.beyond_grid
     known = first.refined_of(evidence)
