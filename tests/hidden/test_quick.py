@@ -179,7 +179,7 @@ def test_inertia_and_friction_of_the_motor_are_no_late_torque(tmp_path: Path) ->
 
 
 def test_a_tilt_half_way_between_two_points_of_its_grid_is_missing(tmp_path: Path) -> None:
-    """13 degrees, where 8 and 16 are tried first: "nothing missing" was said, with 9 floors of joint torque."""
+    """13 degrees, where 8 and 16 are tried first: "nothing missing" was said at 9 floors of joint torque."""
     path = tmp_path / "sealed.h5"
     run("simulate", "--protocol", "rich", "--hidden", "--seed", "21", "--out", path)
     answer = run("diagnose", path)
