@@ -38,7 +38,13 @@ from fingerlab.report.comparison_words import (
     pairs_json,
     pairs_sentence,
 )
-from fingerlab.report.page_tables import compared_rows, error_rows, force_got_worse, judged_as_they_stand
+from fingerlab.report.line_units import LineUnits, line_units
+from fingerlab.report.page_tables import (
+    compared_rows,
+    errors_beside_each_other,
+    force_got_worse,
+    judged_as_they_stand,
+)
 from fingerlab.sessions import Session, open_session, refuse_twice
 from fingerlab.signals.run_pairs import compare_sessions
 
@@ -88,7 +94,7 @@ def compare(
     with bar:
         result = compare_models(session, models, report)
     if json_target != "-":
-        _print(result)
+        _print(result, line_units([session]))
     drawn = None
     if figures is not None:
         from fingerlab.report.force_figures import comparison_figures
@@ -133,7 +139,8 @@ def _load(paths: tuple[Path, ...]) -> dict[str, ExtendedModel]:
     return models
 
 
-def _print(result: ModelComparison) -> None:
+def _print(result: ModelComparison, line: LineUnits) -> None:
+    """The models side by side; of a linear axis in the units of its line."""
     console = table_console()
     of_all = ("model", "effects", ">error / floor")
     of_force = (">force error (mN)", ">R2", ">R2 normalised", ">amplitude (%)", ">in interval (%)")
@@ -148,19 +155,20 @@ def _print(result: ModelComparison) -> None:
         table.add_row(Text(name), *(rest if forces else rest[: len(of_all) - 1]))
     console.print(table)
     if any(m.errors for m in result.models):
-        console.print(_equations(result))
+        console.print(_equations(result, line))
     if force_got_worse(result):
         console.print(force_got_worse(result), soft_wrap=True)
     if judged_as_they_stand(result):
         console.print(judged_as_they_stand(result), soft_wrap=True)
 
 
-def _equations(result: ModelComparison) -> Table:
-    rows = {m.name: error_rows(m.errors) for m in result.models if m.errors}
-    columns = [f">{row.title} ({row.unit})" for row in next(iter(rows.values()))]
+def _equations(result: ModelComparison, line: LineUnits) -> Table:
+    errors = {m.name: line.errors(m.errors) for m in result.models if m.errors}
+    headings, rows = errors_beside_each_other(errors)
+    columns = [f">{heading}" for heading in headings]
     table = result_table("model", *columns, title="Error by equations (rms)", padding=(0, 1, 0, 0))
     for name, cells in rows.items():
-        table.add_row(Text(name), *(cell.error for cell in cells))
+        table.add_row(Text(name), *cells)
     return table
 
 

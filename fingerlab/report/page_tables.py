@@ -16,9 +16,11 @@ import fingerlab
 from fingerlab.core.plain_data import parsed
 from fingerlab.core.text import (
     DEGREES,
+    ScreenUnit,
     decimals_for,
     estimate_text,
     fixed,
+    largest_of,
     listed,
     number,
     percent,
@@ -71,9 +73,14 @@ class ErrorRow:
 def error_texts(error: EquationError) -> tuple[str, str, str]:
     """Error, floor and unit, with the digits that the floor calls for."""
     unit = screen_unit(error.unit, max(error.rmse, error.floor))
+    return *_error_in(unit, error), unit.symbol
+
+
+def _error_in(unit: ScreenUnit, error: EquationError) -> tuple[str, str]:
+    """Error and floor in a unit of the screen."""
     floor = error.floor * unit.factor
     decimals = decimals_for(floor / 3.0) if floor > 0 else 3
-    return fixed(error.rmse * unit.factor, decimals), fixed(floor, decimals), unit.symbol
+    return fixed(error.rmse * unit.factor, decimals), fixed(floor, decimals)
 
 
 def error_rows(errors: Mapping[str, EquationError]) -> list[ErrorRow]:
@@ -86,6 +93,29 @@ def error_rows(errors: Mapping[str, EquationError]) -> list[ErrorRow]:
         bar = min(times / HIGHEST_BAR, 1.0) if math.isfinite(times) else 0.0
         rows.append(ErrorRow(title, shown, floor, unit, score_text(times), r2_text(error.r2), bar))
     return rows
+
+
+def errors_beside_each_other(
+    models: Mapping[str, Mapping[str, EquationError]],
+) -> tuple[list[str], dict[str, list[str]]]:
+    """Headings with their unit, one a family of equations, and by model the errors (rms) in those units.
+
+    A column has one unit, that of its largest value: its numbers are there to be held against each other.
+
+    Args:
+        models: errors by family of equations, by the name of the model.
+    """
+    families = list(dict.fromkeys(family for errors in models.values() for family in errors))
+    headings: list[str] = []
+    rows: dict[str, list[str]] = {name: [] for name in models}
+    for family in families:
+        found = [errors[family] for errors in models.values() if family in errors]
+        unit = screen_unit(found[0].unit, largest_of(v for one in found for v in (one.rmse, one.floor)))
+        headings.append(unit.label(FAMILY_TITLES.get(family, family.replace("_", " "))))
+        for name, errors in models.items():
+            error = errors.get(family)
+            rows[name].append("–" if error is None else _error_in(unit, error)[0])
+    return headings, rows
 
 
 @dataclass(frozen=True)

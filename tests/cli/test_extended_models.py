@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -181,6 +182,13 @@ def test_compare_puts_the_better_model_in_front_of_the_nominal(
     assert late["score"] < 2.0 < nominal["score"]
     assert late["endpoint_force"]["rmse"] < 0.2 * nominal["endpoint_force"]["rmse"]
     assert late["errors"]["endpoint_force"]["rmse"] < 0.2 * nominal["errors"]["endpoint_force"]["rmse"]
+    # A column of the table is in the unit of its heading, whichever model comes first.
+    table = [re.split(r" *[┃│] *", line) for line in out[out.index("Error by equations") :].splitlines()]
+    heading = next(cells for cells in table if "model" in cells)
+    column = heading.index("Endpoint force (N)")
+    for model in (late, nominal):
+        shown = next(float(cells[column]) for cells in table if model["model"] in cells)
+        assert shown == pytest.approx(model["errors"]["endpoint_force"]["rmse"], abs=6e-4)
     assert {p.name for p in figures.iterdir()} == {"error.png", "force-error.png"}
 
 

@@ -11,7 +11,7 @@ import pytest
 
 from fingerlab.sessions import open_session
 from tests.cli.calling import call
-from tests.stage import LOAD, RATE, SECONDS, STROKE, stage_session
+from tests.stage import FRICTION, LOAD, RATE, SECONDS, STROKE, stage_session
 
 MASS, OFFSET = 12.0, 3.0
 """kg and N."""
@@ -95,3 +95,19 @@ def test_two_sessions_are_compared_in_newtons(stage: Path, tmp_path: Path) -> No
     force = re.search(r"001 – 001\s*│motor bench, sine, 10 mm, 0.5 Hz\s*│[^│]*│\s*([\d.]+)", out)
     assert force is not None, out
     assert float(force[1]) == pytest.approx(2.0, abs=0.05)
+
+
+def test_models_of_a_stage_are_compared_in_newtons(stage: Path, tmp_path: Path) -> None:
+    """The friction that the nominal model lacks is one of 15 N."""
+    model = tmp_path / "m.json"
+    code, _, err = call("diagnose", stage, "--add", "motor_coulomb_friction", "--save", model)
+    assert code == 0, err
+    code, out, err = call("compare", stage, "--model", model)
+    assert code == 0, err
+    text = " ".join(out.split())
+    assert "Motor force (N)" in text
+    assert "N m" not in text
+    rows = re.findall(r"(nominal model|m\.json) *│ *([\d.]+) *│$", out, re.MULTILINE)
+    errors = {name: float(error) for name, error in rows}
+    assert errors["nominal model"] == pytest.approx(FRICTION, rel=0.2)
+    assert errors["m.json"] < 0.1 * FRICTION
