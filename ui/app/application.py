@@ -71,12 +71,7 @@ def run(arguments: list[str], settings: Settings | None = None) -> int:
     tidier = Tidier(app)
     window = MainWindow(settings)
 
-    # Light and dark as the desktop changes, unless the user chose one.
-    def changed() -> None:
-        if settings.appearance() == "system":
-            apply_appearance(app, "system")
-
-    QGuiApplication.styleHints().colorSchemeChanged.connect(changed)
+    QGuiApplication.styleHints().colorSchemeChanged.connect(window.follow_desktop)
     previous = sys.excepthook
     sys.excepthook = _show_in(window)
     window.show()

@@ -291,6 +291,8 @@ class MenuChoices:
     stop_key: str
 
 
+LOOK_WAITS = "The appearance can be changed when the motor is off."
+"""New colours take the window up to a second, and a window that does not answer stops the motor."""
 TAKEN = "FEVH"
 """Letters of the window's own menus."""
 
@@ -348,7 +350,9 @@ class Menus:
         words = {name: name for name in STOP_KEYS}
         self._one_of(menu.addMenu("&Stop key"), words, chosen.stop_key, commands.stop_key)
 
-    def _one_of(self, menu: QMenu, words: dict[str, str], now: str, choose: Callable[[str], Any]) -> None:
+    def _one_of(
+        self, menu: QMenu, words: dict[str, str], now: str, choose: Callable[[str], Any]
+    ) -> list[QAction]:
         """Entries of which one is chosen."""
         group = QActionGroup(menu)
         for key, text in words.items():
@@ -356,6 +360,7 @@ class Menus:
             action.setCheckable(True)
             action.setChecked(key == now)
             group.addAction(action)
+        return group.actions()
 
     def _view(self, commands: WindowCommands, tabs: Sequence[TabEntry], chosen: MenuChoices) -> None:
         menu = self._window.menuBar().addMenu("&View")
@@ -366,7 +371,16 @@ class Menus:
         self._action(menu, "&Save plot…", SAVE_KEYS, commands.save_plot)
         menu.addSeparator()
         looks = {"system": "As the system", "light": "Light", "dark": "Dark"}
-        self._one_of(menu.addMenu("&Appearance"), looks, chosen.appearance, commands.appearance)
+        appearance = menu.addMenu("&Appearance")
+        appearance.setToolTipsVisible(True)
+        self.looks = self._one_of(appearance, looks, chosen.appearance, commands.appearance)
+
+    def show_motor(self, live: bool) -> None:
+        """While the motor has current nothing is offered that keeps the window busy for long."""
+        for action in self.looks:
+            if action.isEnabled() == live:
+                action.setEnabled(not live)
+                action.setToolTip(LOOK_WAITS if live else "")
 
     def show_tab(self, title: str, tab: Tab) -> None:
         """Make the menu of the tab in front; the keys of the others do nothing now."""

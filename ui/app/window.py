@@ -185,6 +185,7 @@ class MainWindow(QMainWindow):
         self._tabs: dict[str, Tab] = {}
         self._rooms: dict[str, Room] = {}
         self.current = ""
+        self._look_due = False
         self.setWindowTitle("FingerLab")
         self.setMinimumSize(800, 480)
         self.setAcceptDrops(True)
@@ -392,6 +393,9 @@ class MainWindow(QMainWindow):
         self.header.show_rig(line)
         self.status.show_rig(line)
         self.stop_guard.arm(bool(line.device))
+        self.menus.show_motor(line.live)
+        if self._look_due and not line.live:
+            self.follow_desktop()
 
     def _refresh(self) -> None:
         if not self.current:
@@ -424,6 +428,12 @@ class MainWindow(QMainWindow):
         if isinstance(app, QApplication) and name in ("system", "light", "dark"):
             self.settings.set_appearance(name)  # type: ignore[arg-type]
             apply_appearance(app, self.settings.appearance())
+
+    def follow_desktop(self) -> None:
+        """Light or dark as the desktop is now, unless the user chose one; while the motor is on, later."""
+        self._look_due = self.context.rig_line.live
+        if not self._look_due and self.settings.appearance() == "system":
+            self._set_appearance("system")
 
     def _about(self) -> None:
         QMessageBox.about(

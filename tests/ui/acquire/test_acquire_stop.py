@@ -18,10 +18,11 @@ from fingerlab.core.errors import UserError
 from fingerlab.devices.faults import Faults, LineFault
 from fingerlab.sessions import open_session
 from fingerlab.ui.acquire.recording_control import DetailsDialog
+from fingerlab.ui.app import window
 from fingerlab.ui.app.tab_registry import TABS
 
 from ..bench_hands import PATIENCE, Rig
-from ..hands import LEFT, child, click
+from ..hands import LEFT, child, chosen_in_menu, click
 
 CONTROL = Qt.KeyboardModifier.ControlModifier
 NONE = Qt.KeyboardModifier.NoModifier
@@ -292,3 +293,27 @@ def test_the_emergency_stop_is_shown_in_words_and_holds_its_buttons_back(
     rig.run(0.1)
     rig.settle()
     rig.enable()
+
+
+def test_the_appearance_stays_while_the_motor_is_on(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    """New colours keep the window from answering for so long that the motor would be stopped."""
+    looks = [chosen_in_menu(rig.window, text) for text in ("As the system", "Light", "Dark")]
+    given: list[str] = []
+    monkeypatch.setattr(window, "apply_appearance", lambda _app, look: given.append(look))
+    assert all(look.isEnabled() for look in looks)
+    rig.start()
+    for look in looks:
+        assert not look.isEnabled()
+        assert look.toolTip() == "The appearance can be changed when the motor is off."
+        look.trigger()
+    rig.window.follow_desktop()  # as the desktop goes dark in the evening
+    assert given == []
+    rig.click("stop")
+    rig.run(0.1)
+    assert given == ["system"]
+    for look in looks:
+        assert look.isEnabled()
+        assert look.toolTip() == look.text()
+    looks[2].trigger()
+    assert given == ["system", "dark"]
+    rig.settle()
