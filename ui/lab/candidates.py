@@ -28,7 +28,7 @@ from PySide6.QtWidgets import (
 from fingerlab.core.text import percent, score_text
 from fingerlab.diagnosis.answer.results import Diagnosis
 from fingerlab.diagnosis.score.calibration import Verdict
-from fingerlab.report.diagnosis_words import called, in_sentence, listed, suspects
+from fingerlab.report.diagnosis_words import called, in_sentence, listed, shown_best_first, suspects
 
 from ..widgets.fields import set_usable
 from ..widgets.layout import FLUSH, Spacer, described, hbox, vbox
@@ -66,7 +66,10 @@ class CandidateRow:
 
 
 def rows_of(diagnosis: Diagnosis) -> list[CandidateRow]:
-    """All rows, the verdict's first, then by probability, what the data cannot show last."""
+    """All rows, the verdict's first, then by probability as the command line has them.
+
+    Last is what the data cannot show and what nothing else speaks for either.
+    """
     many = len(suspects(diagnosis)) > 1
     rows = [
         CandidateRow(
@@ -79,13 +82,17 @@ def rows_of(diagnosis: Diagnosis) -> list[CandidateRow]:
             listed([in_sentence(called(diagnosis, name)) for name in c.replaces]),
             c.score,
         )
-        for c in diagnosis.candidates
+        for c in shown_best_first(diagnosis)
     ]
     chances = (diagnosis.probability_nothing, diagnosis.probability_unknown)
     outcomes = zip(OUTCOME_TITLES.items(), chances, strict=True)
     rows += [CandidateRow(outcome, title, chance, False, True) for (outcome, title), chance in outcomes]
     first = diagnosis.verdict
-    return sorted(rows, key=lambda row: (row.key != first, not row.detectable, -row.probability))
+    return sorted(rows, key=lambda row: (row.key != first, _idle(row), -row.probability))
+
+
+def _idle(row: CandidateRow) -> bool:
+    return not row.detectable and not row.in_set and row.probability < WORTH_SAYING
 
 
 class CandidateList(QAbstractListModel):
@@ -243,10 +250,9 @@ class CandidateDelegate(QStyledItemDelegate):
             painter.setPen(QColor(colours.text if row.detectable else colours.muted))
         if not row.detectable:
             wide = places.number.united(places.bar)
-            worth = row.probability >= WORTH_SAYING
-            words = f"{percent(row.probability)}, not visible" if worth else "not visible here"
-            text = metrics.elidedText(words, Qt.TextElideMode.ElideRight, wide.width())
-            painter.drawText(wide, middle | Qt.AlignmentFlag.AlignRight, text)
+            text = unseen_words(row, metrics, wide.width())
+            place = places.number if text == percent(row.probability) else wide
+            painter.drawText(place, middle | Qt.AlignmentFlag.AlignRight, text)
             return
         painter.drawText(places.number, middle | Qt.AlignmentFlag.AlignRight, percent(row.probability))
         height = max(6, places.bar.height() // 3)
@@ -257,6 +263,14 @@ class CandidateDelegate(QStyledItemDelegate):
 
 
 MOST_FLOORS = 999.0
+
+
+def unseen_words(row: CandidateRow, metrics: QFontMetrics, width: int) -> str:
+    """What stands at the right of an effect that the data could not show, as much as ``width``, px, takes."""
+    worth, said = row.probability >= WORTH_SAYING, percent(row.probability)
+    wanted = (f"{said}, not visible", f"{said}, unseen", said)
+    wanted = wanted if worth else ("not visible here", "not visible", "unseen")
+    return next((words for words in wanted if metrics.horizontalAdvance(words) <= width), wanted[-1])
 
 
 def _score_words(score: float) -> str:

@@ -14,7 +14,9 @@ from fingerlab.core.text import NO_BREAK
 from fingerlab.diagnosis.answer.results import Diagnosis, HeldOutRuns
 from fingerlab.library.notes import StoredVerdict
 from fingerlab.report.diagnosis_words import could_hide, set_sentence, verdict_sentence
+from fingerlab.report.page_tables import short_ranking
 from fingerlab.ui.app.window import MainWindow
+from fingerlab.ui.lab.candidates import row_places, unseen_words
 from fingerlab.ui.lab.result_words import set_help, set_words, step_results
 from fingerlab.ui.lab.validation import HeldOutTable
 from fingerlab.ui.sessions.session_table import verdict_help, verdict_text
@@ -76,6 +78,41 @@ def test_what_was_not_visible_is_no_suspect(window: MainWindow) -> None:
     assert sum(row.probability for row in rows) == pytest.approx(1.0)
     view.candidates.choose("stribeck_friction")
     assert "could not show it" in view.evidence.explanation.text()
+
+
+def test_a_likely_effect_that_was_not_visible_stands_where_the_command_line_has_it(
+    qtbot: QtBot, make_window: Any, session_file: Path
+) -> None:
+    """31 % among thirty effects of less than 1 % that the data could show."""
+    found = invented.unseen_diagnosis(str(session_file))
+    seen, stribeck, tilt, stretch = found.candidates
+    weak = [replace(seen, effect=f"weak_{k}", title=f"Weak {k}", probability=0.006) for k in range(30)]
+    likely = replace(tilt, probability=0.31)
+    idle = replace(stretch, probability=0.001)
+    told = replace(
+        found,
+        candidates=(*weak, idle, likely, stribeck),
+        set=(likely.effect,),
+        probability_nothing=0.45,
+        probability_unknown=0.04,
+    )
+    made: MainWindow = make_window(diagnose=lambda *_: told)
+    made.resize(1280, 800)
+    made.context.open_paths([session_file])
+    wait_for_result(qtbot, made)
+    panel = lab_of(made).view.candidates
+    shown = [row.title for row in panel.list.rows]
+    assert shown[1] == "Tilted base"
+    assert shown[-1] == idle.title
+    assert shown == [row.title for row in short_ranking(told)]
+    # What stands at the right of it is whole, in the room that there is.
+    metrics = panel.view.fontMetrics()
+    for row, begins in ((panel.list.rows[1], "31 %"), (panel.list.rows[-1], ("not visible", "unseen"))):
+        places = row_places(panel.view.visualRect(panel.list.index_of(row.key)), metrics)
+        room = places.number.united(places.bar)
+        words = unseen_words(row, metrics, room.width())
+        assert metrics.horizontalAdvance(words) <= room.width()
+        assert words.startswith(begins)
 
 
 def test_many_effects_are_counted_and_named_in_the_tooltip() -> None:
