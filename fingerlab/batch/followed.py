@@ -133,6 +133,8 @@ FOLLOWED_EFFECTS = sorted(
 DAYS_A_MONTH = 365.25 / 12
 LEAST_TIMES = 4
 """All slopes agree by chance one time in three with three points, one in twelve with four."""
+LEAST_DAYS = 1.0
+"""Within a day a bench warms up; what that would be a month, thirty times as far away, says nothing of it."""
 FOLLOWED = ("score", "final_score")
 FOLLOWED_PARAMETERS = (
     "param.arm_mcp", "param.arm_pip", *(f"alone.{one.id}." for one in FOLLOWED_EFFECTS), "param.loss_mcp",
@@ -143,7 +145,10 @@ FOLLOWED_PARAMETERS = (
 
 @dataclass(frozen=True)
 class Trend:
-    """A quantity over time. ``median`` and ``per_month`` with its 90 % interval are in ``unit`` (a month)."""
+    """A quantity over time. ``median`` and ``per_month`` with its 90 % interval are in ``unit`` (a month).
+
+    Without a slope, all three NaN, where its sessions lie within a day.
+    """
 
     column: str
     unit: str
@@ -188,7 +193,8 @@ def trends(rows: Sequence[Row], units: Mapping[str, str]) -> list[Trend]:
         known = np.isfinite(values)
         found = trend(days[known], values[known])
         if found is not None:
-            slope, low, high = found
+            span = float(np.ptp(days[known]))
+            slope, low, high = found if span >= LEAST_DAYS else (math.nan,) * 3
             median, count = float(np.median(values[known])), int(known.sum())
             result.append(Trend(column, units.get(column, "1"), median, slope, low, high, count))
     return result

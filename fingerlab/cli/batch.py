@@ -47,6 +47,7 @@ from fingerlab.report.time_words import (
     shared_json,
     shared_sentence,
     trend_cells,
+    within_a_day,
 )
 
 MOST_LISTED = 5
@@ -209,7 +210,7 @@ def _batch_json(
         "gone": result.gone,
         "failed": len(result.failed),
         "verdicts": dict(Counter(row["verdict"] for row in rows if row["verdict"] is not None)),
-        "trends": [vars(trend) | {"changes": trend.changes} for trend in found],
+        "trends": [json_ready(vars(trend) | {"changes": trend.changes}) for trend in found],
         **_story_json(story),
         **between,
         "units": dict(result.contents.units),
@@ -262,13 +263,14 @@ def _print_summary(contents: Contents, found: Sequence[Trend], story: _Story, tw
     console.print()
     if found:
         console.print(_trends_table(found))
-        console.print(
-            Text(
+        if any(math.isfinite(trend.per_month) for trend in found):
+            words = (
                 "Trends are medians over all pairs of sessions (Theil-Sen), with 90 % intervals; * where the "
-                "interval leaves out zero, which one steady quantity in ten does by chance.",
-                style="dim",
+                "interval leaves out zero, which one steady quantity in ten does by chance."
             )
-        )
+            console.print(Text(words, style="dim"))
+        if within_a_day(found):
+            console.print(Text(within_a_day(found), style="dim"))
     else:
         times = len({row["created"] for row in ageing_rows(contents.rows)})
         console.print(Text(f"A trend needs sessions of {LEAST_TIMES} times at least; there are {times}."))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -16,7 +17,6 @@ from fingerlab.core.text import (
     decimals_for,
     estimate_text,
     fixed,
-    largest_of,
     percent,
     screen_unit,
     with_minus,
@@ -337,18 +337,32 @@ def column_words(column: str) -> str:
 
 
 def trend_cells(trend: Trend) -> tuple[str, str, str, str, str, str]:
-    """Quantity, median, unit, change a month, its 90 % interval, number of sessions."""
-    unit = screen_unit(trend.unit, largest_of((trend.median, trend.low, trend.high)))
+    """Quantity, median, unit, change a month, its 90 % interval, number of sessions.
+
+    The unit is that of the values, however large the change of a month would be in it.
+    """
+    unit = screen_unit(trend.unit, abs(trend.median))
     slope, low, high = (value * unit.factor for value in (trend.per_month, trend.low, trend.high))
+    told = math.isfinite(slope)
     digits = min(decimals_for((high - low) / 4), MOST_DECIMALS)
     return (
         column_words(trend.column),
         with_minus(f"{trend.median * unit.factor:.4g}"),
         unit.symbol,
         fixed(slope, digits),
-        f"{fixed(low, digits)} to {fixed(high, digits)}",
+        f"{fixed(low, digits)} to {fixed(high, digits)}" if told else "–",
         str(trend.sessions),
     )
+
+
+def within_a_day(found: Sequence[Trend]) -> str:
+    """That of sessions of one day no change a month is told; empty where all trends have one."""
+    short = [trend for trend in found if not math.isfinite(trend.per_month)]
+    if not short:
+        return ""
+    if len(short) == len(found):
+        return "The sessions were recorded within a day, so that no change a month is told."
+    return "Of a number whose sessions were recorded within a day no change a month is told."
 
 
 MOST_DECIMALS = 4

@@ -27,7 +27,7 @@ from fingerlab.batch.laws import Estimate
 from fingerlab.batch.settings import LEAST_SESSIONS, PROBABLE, STEPS
 from fingerlab.batch.table import Contents, Row, number_of, recorded_at
 from fingerlab.core.errors import UserError
-from fingerlab.core.text import ScreenUnit, largest_of, percent, screen_unit, with_minus
+from fingerlab.core.text import ScreenUnit, largest_of, percent, screen_unit
 from fingerlab.report.time_words import (
     KIND_WORDS,
     SHARED_HEADINGS,
@@ -37,6 +37,7 @@ from fingerlab.report.time_words import (
     shared_cells,
     shared_sentence,
     trend_cells,
+    within_a_day,
 )
 from fingerlab.sessions.model import Array
 
@@ -319,12 +320,15 @@ class TrendDialog(ResultDialog):
         self._courses = {one.column: one for one in number_courses}
         found = changes(contents.rows, contents.units, number_courses)
         self._changes = {name: one for one in reversed(found) for name in (*one.others, one.column) if name}
-        self._trends = _with_courses(trends(contents.rows, contents.units), number_courses, self._rows)
+        known = trends(contents.rows, contents.units)
+        self._trends = _with_courses(known, number_courses, self._rows)
         self.title.setText(f"{len(self._rows)} sessions in “{folder.name}” with a verdict and a time")
-        self.words.setText(self._said(found))
+        self.words.setText(" ".join(filter(None, (self._said(found), within_a_day(known)))))
         led = {one.column for one in found}
         self._trends.sort(key=lambda one: self._rank(one.column, led))
-        self.table.show_rows([(*_cells(trend), self._verdict_words(trend.column)) for trend in self._trends])
+        self.table.show_rows(
+            [(*trend_cells(trend), self._verdict_words(trend.column)) for trend in self._trends]
+        )
         for part in (self.table, self.plot, self.sentence, self.hint):  # an empty plot has axes of nothing
             part.setVisible(bool(self._trends))
         if self._trends:
@@ -389,11 +393,3 @@ def _with_courses(
             median = float(np.nanmedian(values))
             more.append(Trend(one.column, one.unit, median, np.nan, np.nan, np.nan, len(one.names)))
     return [*known, *more]
-
-
-def _cells(trend: Trend) -> tuple[str, ...]:
-    if np.isfinite(trend.per_month):
-        return trend_cells(trend)
-    unit = screen_unit(trend.unit, abs(trend.median))
-    median = with_minus(f"{trend.median * unit.factor:.4g}")
-    return column_words(trend.column), median, unit.symbol, "–", "–", str(trend.sessions)
