@@ -236,15 +236,18 @@ def _between_json(two: _Two) -> dict[str, Any]:
 SHOWN_SESSIONS = 30
 """The latest sessions that are listed; the table holds them all."""
 
+JOINT, MOTOR = "coulomb_friction.coulomb_pip", "motor_coulomb_friction.coulomb"
 SHOWN_COLUMNS = (
     ("arm\nMCP", ("param.arm_mcp@extension", "param.arm_mcp@flexion")),
     ("arm\nPIP", ("param.arm_pip@extension", "param.arm_pip@flexion")),
-    ("joint\nfriction", ("alone.coulomb_friction.coulomb_pip",)),
-    ("motor\nfriction", ("alone.motor_coulomb_friction.coulomb",)),
+    ("joint\nfriction", (f"alone.{JOINT}", f"param.{JOINT}")),
+    ("motor\nfriction", (f"alone.{MOTOR}", f"param.{MOTOR}")),
     ("\noffset", ("param.offset@extension", "param.offset@flexion")),
     ("\ndelay", ("alone.transport_delay.delay",)),
 )
 """Heading, and the columns that may stand under it: the first one that any session has."""
+IN_MODEL = {f"alone.{name}": f"param.{name}" for name in (JOINT, MOTOR)}
+"""Of the effect fitted alone; of the same in a session's last model, which is told where there is one."""
 
 NARROW = 100
 """On a terminal of fewer columns the sessions are listed without what is missing and without the delay."""
@@ -258,6 +261,8 @@ def _print_summary(contents: Contents, found: Sequence[Trend], story: _Story, tw
         console.print(Text("No session could be diagnosed."))
         return
     console.print(_sessions_table(good, contents, console.width < NARROW))
+    if _alone_words(good[-SHOWN_SESSIONS:]):
+        console.print(Text(_alone_words(good[-SHOWN_SESSIONS:]), style="dim"))
     if len(good) > SHOWN_SESSIONS:
         console.print(Text(f"The latest {SHOWN_SESSIONS} of {len(good)} sessions.", style="dim"))
     console.print()
@@ -324,7 +329,7 @@ def _sessions_table(rows: Sequence[Row], contents: Contents, narrow: bool) -> Ta
         table.add_column(heading, justify="right")
     for row in rows[-SHOWN_SESSIONS:]:
         when = recorded_at(row["created"])
-        cells = [fixed(_value(row, name) * factor, 2) for _, name, factor in columns]
+        cells = [_cell(row, name, factor) for _, name, factor in columns]
         table.add_row(
             "–" if when is None else when.strftime("%Y-%m-%d"),
             row["session"],
@@ -342,10 +347,32 @@ def _column(
     """Heading with unit, the column's name, and the factor from SI; None where no session has it."""
     for name in names:
         if any(name in row for row in rows):
-            largest = largest_of(_value(row, name) for row in rows)
+            largest = largest_of(_told(row, name)[0] for row in rows)
             unit = screen_unit(contents.units.get(name, "1"), largest)
             return f"{heading}\n{unit.symbol}", name, unit.factor
     return None
+
+
+def _cell(row: Row, name: str, factor: float) -> str:
+    value, alone = _told(row, name)
+    text = fixed(value * factor, 2)
+    return f"({text})" if alone and math.isfinite(value) else text
+
+
+def _told(row: Row, name: str) -> tuple[float, bool]:
+    """A number of a session, SI, and whether it is of an effect fitted alone that might be in the model."""
+    inside = _value(row, IN_MODEL[name]) if name in IN_MODEL else math.nan
+    return (inside, False) if math.isfinite(inside) else (_value(row, name), name in IN_MODEL)
+
+
+def _alone_words(rows: Sequence[Row]) -> str:
+    """What a friction in brackets is; empty where none is."""
+    if not any(_told(row, name)[1] and math.isfinite(_value(row, name)) for name in IN_MODEL for row in rows):
+        return ""
+    return (
+        "Friction: of the session's last model; in brackets, where that does not hold it, of a fit with this "
+        "friction alone, which takes up what is of other effects."
+    )
 
 
 def _value(row: Row, name: str) -> float:

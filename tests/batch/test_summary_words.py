@@ -97,3 +97,22 @@ def test_of_sessions_of_one_day_no_change_a_month_is_told(
     assert "Theil-Sen" not in text
     trend = next(one for one in data["trends"] if one["column"] == f"alone.{COULOMB}")
     assert (trend["per_month"], trend["changes"], trend["median"]) == (None, False, pytest.approx(0.615))
+
+
+def test_friction_is_that_of_the_last_model_where_it_holds_it(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Fitted alone it takes up what is of the spring beside it: 0.9 N m in place of 0.3 N m."""
+    alone = {f"alone.{COULOMB}{end}": value for end, value in (("", 0.9), (".low", 0.8), (".high", 1.0))}
+    inside = {f"param.{COULOMB}{end}": value for end, value in (("", 0.3), (".low", 0.2), (".high", 0.4))}
+    model = {"final_model": ["motor_spring", "motor_coulomb_friction"]}
+    rows = [
+        {"created": "2026-03-01T09:00:00+00:00", **alone, **inside, **model},
+        {"created": "2026-03-02T09:00:00+00:00", **alone},
+    ]
+    text, _ = summary(monkeypatch, tmp_path, rows)
+    assert line_of(text, "2026-03-01").split()[-1] == "300.00"
+    assert line_of(text, "2026-03-02").split()[-1] == "(900.00)"
+    assert "in brackets, where that does not hold it, of a fit with this friction alone" in " ".join(
+        text.split()
+    )
