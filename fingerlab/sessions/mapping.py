@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -100,6 +100,8 @@ _ALONG_A_LINE = {"rad": "m", "N m": "N"}
 """What stands on a linear axis in place of an angle and a torque."""
 _LINEAR_WORDS = re.compile(r"force|kraft|stroke|displacement|\bweg\b|\bhub\b")
 """In a header: the axis is likely to move along a line."""
+_COUNTS = re.compile(r"count|\bcnts?\b|ticks?\b|puls|\bsteps?\b|inkrement|increment|quadrature")
+"""In a header: a place in steps of an encoder, of which nobody but its owner knows how far one is."""
 _NO_UNITS = ("m", "v", "V", "g", "in")
 """At the end of a name they rather mean a motor, a velocity, gravity or what goes in."""
 _TWO_WORDS = re.compile(r"^(?P<name>.*[^\W_])[_ ](?P<first>[^\W\d_]+)[_ ](?P<second>[^\W\d_]+)$")
@@ -266,7 +268,8 @@ def _refuse_unnamed(columns: tuple[Column, ...], table: Table) -> None:
     named = [f"'{c.channel}' (column {c.index + 1}{_unknown_ending(c, table)})" for c in unnamed]
     names = " and ".join((", ".join(named[:-1]), named[-1]) if len(named) > 1 else named)
     wanted = _mapping_text({c.channel: c for c in columns}, table)
-    raise UserError(f"{table.path} names no unit of {names}; say them, such as --map {wanted}.")
+    counts = _count_words(columns, table)
+    raise UserError(f"{table.path} names no unit of {names}; say them, such as --map {wanted}{counts}.")
 
 
 def _unknown_ending(column: Column, table: Table) -> str:
@@ -339,7 +342,7 @@ def axis_lacks(table: Table, channel: str, columns: Sequence[Column], misnamed: 
     told_otherwise = table.header is not None and any(
         _passed_over(*_split_axis_header(table.header[k]), "") for k in free
     )
-    end = ", N being its column" if missing else ""
+    end = (", N being its column" if missing else "") + _count_words(found.values(), table)
     end += _own_unit_words(missing) if missing and told_otherwise else ""
     what = f"{short_name(channel)}{' and no current' if channel == 'motor_torque' else ''}"
     return (
@@ -374,12 +377,32 @@ def _mapping_text(found: Mapping[str, Column], table: Table, missing: Sequence[s
     told = [is_linear(c.unit, c.target_unit) for c in known if c.unit and c.target_unit in _ALONG_A_LINE]
     likely = [_LINEAR_WORDS.search(table.header[c.index].lower()) for c in known if table.header]
     units = _LINEAR_UNITS if (told[0] if told else any(likely)) else _USUAL_UNITS
-    parts = [f"{short_name(c.channel)}={c.index + 1}:{c.unit or units[c.target_unit]}" for c in known]
+    parts = [f"{short_name(c.channel)}={c.index + 1}:{_unit_text(c, units, table)}" for c in known]
     places = [c.index for c in known]
     parts = [part for _, part in sorted(zip(places, parts, strict=True))]
     parts += [f"{short_name(name)}=N:{units[CHANNEL_UNITS[name]]}" for name in missing]
     text = ",".join(parts)
     return f'"{text}"' if re.search(r"[^\w=:,.]", text) else text
+
+
+def _unit_text(column: Column, units: Mapping[str, str], table: Table) -> str:
+    """The unit of a column as a mapping has it; of counts what one of them is, as an example."""
+    if not _is_counted(column, table):
+        return column.unit or units[column.target_unit]
+    place = "mm" if units is _LINEAR_UNITS else "rad"
+    return f"{place}:{_OWN_FACTOR:g}"
+
+
+def _is_counted(column: Column, table: Table) -> bool:
+    header = table.header[column.index].lower().replace("_", " ") if table.header else ""
+    return not column.unit and column.target_unit == "rad" and _COUNTS.search(header) is not None
+
+
+def _count_words(columns: Iterable[Column], table: Table) -> str:
+    """That a factor of a mapping is an example, behind it; empty where no column is of counts."""
+    if not any(_is_counted(c, table) for c in columns):
+        return ""
+    return f", {_OWN_FACTOR:g} being what one count of the encoder is; put in that of yours"
 
 
 def short_name(channel: str) -> str:
@@ -424,7 +447,8 @@ def _by_header(table: Table, axis: Axis | None) -> tuple[Column, ...]:
         found |= {} if first is None else {first.channel: first}
         raise UserError(
             f"{table.path}: columns {', '.join(named[:-1])} and {named[-1]} may each be the "
-            f"{short_name(channel)}; say which is which, such as --map {_mapping_text(found, table)}."
+            f"{short_name(channel)}; say which is which, such as --map {_mapping_text(found, table)}"
+            f"{_count_words(found.values(), table)}."
         )
     return columns
 
@@ -606,6 +630,7 @@ def _refuse_twice(columns: tuple[Column, ...], table: Table, axis: Axis | None) 
         if other is not column:
             firsts = {c.channel: c for c in reversed(columns)}
             such = "with --map" if axis is None else f"such as --map {_mapping_text(firsts, table)}"
+            such += "" if axis is None else _count_words(firsts.values(), table)
             raise UserError(
                 f"{table.path}: columns {other.index + 1} and {column.index + 1} both look like "
                 f"'{column.channel}'; say which is which{',' if axis else ''} {such}."

@@ -658,6 +658,26 @@ def test_the_proposed_mapping_goes_as_it_stands(tmp_path, capsys, header, option
     assert {"motor_position", "motor_torque"} <= set(run.units)
 
 
+@pytest.mark.parametrize(
+    ("header", "proposed"),
+    [
+        ("t_ms,enc_counts,current_mA", "time=1:ms,position=2:rad:0.00153,current=3:mA"),
+        ("t_ms,encoder ticks,tau (Nm)", "time=1:ms,position=2:rad:0.00153,torque=3:Nm"),
+        ("t_ms,position_counts,force (N)", "time=1:ms,position=2:mm:0.00153,torque=3:N"),
+    ],
+)
+def test_counts_of_an_encoder_are_hinted_with_a_factor(tmp_path, capsys, header, proposed):
+    """4,096 to a turn: a count that is taken as a degree would make eleven turns of one."""
+    counts = np.round(TURN / 0.00153)
+    path = written(tmp_path / "log.csv", header, 1e3 * TIME, counts, TORQUE)
+    said = refused(capsys, path, "--map", "auto")
+    assert f"such as --map {proposed}, 0.00153 being what one count of the encoder is" in said
+    (run,) = imported(capsys, path, "--map", proposed, "--torque-constant", 1.0).runs
+    # On an arc of 10 mm, 1 mm is 0.1 rad.
+    place = 0.1 if ":mm:" in proposed else 1.0
+    np.testing.assert_allclose(run.channel("motor_position"), 0.00153 * place * counts, atol=1e-9)
+
+
 def test_what_is_missing_is_said_beside_what_there_is(tmp_path, capsys):
     path = written(tmp_path / "log.csv", "t (s),velocity (deg/s),torque (Nm)", TIME, TURN, TORQUE)
     assert refused(capsys, path).endswith(
