@@ -155,7 +155,7 @@ def trajectory_words(trajectory: Mapping[str, Any], radius: float = 0.0) -> str:
     kind = str(rest.pop("kind", "unknown"))
     for points in POINTS:
         rest.pop(points, None)
-    words = kind.replace("_", " ")
+    words = "motion unknown" if kind == "unknown" else kind.replace("_", " ")
     amplitude = rest.pop("amplitude_deg", None)
     if amplitude is not None:
         words += f", {angle(amplitude)}"

@@ -78,6 +78,8 @@ def test_everything_is_told_along_the_line(window: MainWindow, qtbot: QtBot) -> 
     assert (top, bottom) == ("Motor force (N)", "Residual (N)")
     _, residual = view.plot.residual.series
     assert np.nanmedian(np.abs(residual)) == pytest.approx(FRICTION, rel=0.1)
+    # A log does not say what its axis was told to do.
+    assert view.bar.runs.itemText(1) == "Run 002 · motor bench, motion unknown"
     # The fingerprint of the friction, over the speed.
     plot = view.evidence.plot
     shown = plot.shown_series()[0]
