@@ -201,10 +201,12 @@ def _in_floors_of_given(question: Question, found: Found) -> Found:
     """What was found; where nothing is missing beside a given model, told in the floors of that, if likelier.
 
     The effect that leads beside it set them, which is not there: given, a friction of the joints that was
-    found at 1.26 floors left 1.64.
+    found at 1.26 floors left 1.64. Not where nothing repeats: a model's own floors are what it leaves there.
     """
     evidence, scorer = found.evidence, found.scorer
     if question.alone is None or len(found.path) > 1 or evidence.verdict != Verdict.NOTHING_MISSING:
+        return found
+    if not all(group.repeats for group in scorer.reduced.groups):
         return found
     if (smaller := found.smaller) is not None:
         alone = with_own_weights(smaller.scorer, smaller.fitted)
