@@ -236,17 +236,16 @@ def _between_json(two: _Two) -> dict[str, Any]:
 SHOWN_SESSIONS = 30
 """The latest sessions that are listed; the table holds them all."""
 
-JOINT, MOTOR = "coulomb_friction.coulomb_pip", "motor_coulomb_friction.coulomb"
-SHOWN_COLUMNS = (
+SHOWN_COLUMNS: tuple[tuple[str, tuple[str, ...]], ...] = (
     ("arm\nMCP", ("param.arm_mcp@extension", "param.arm_mcp@flexion")),
     ("arm\nPIP", ("param.arm_pip@extension", "param.arm_pip@flexion")),
-    ("joint\nfriction", (f"alone.{JOINT}", f"param.{JOINT}")),
-    ("motor\nfriction", (f"alone.{MOTOR}", f"param.{MOTOR}")),
+    ("joint\nfriction", ("alone.coulomb_friction.coulomb_pip", "param.coulomb_friction.coulomb_pip")),
+    ("motor\nfriction", ("alone.motor_coulomb_friction.coulomb", "param.motor_coulomb_friction.coulomb")),
     ("\noffset", ("param.offset@extension", "param.offset@flexion")),
     ("\ndelay", ("alone.transport_delay.delay",)),
 )
 """Heading, and the columns that may stand under it: the first one that any session has."""
-IN_MODEL = {f"alone.{name}": f"param.{name}" for name in (JOINT, MOTOR)}
+IN_MODEL = {names[0]: names[1] for _, names in SHOWN_COLUMNS if names[0].startswith("alone.") and names[1:]}
 """Of the effect fitted alone; of the same in a session's last model, which is told where there is one."""
 
 NARROW = 100
