@@ -161,18 +161,10 @@ def diagnose(
         reduction = asked.kept or Reduction(sessions, asked.executor)
         reduction.restart(asked.held)
         catalogue = reduction.suited(catalogue)
-        given = [_wide_enough(one, asked.held or {}, reduction) for one in reduction.suited(given)]
+        given = [reaching(one, asked.held or {}, reduction.scales) for one in reduction.suited(given)]
         question, found, display = _searched(reduction, catalogue, given, stages, asked, with_curves)
         found = searched_below_floor(question, found)
         return _answer(question, found, display, started)
-
-
-def _wide_enough(given: Effect, held: Mapping[str, float], reduction: Reduction) -> Effect:
-    """A given effect with ranges that reach to what its unknowns are held at."""
-    keys = {name: name if name in given.relaxes else f"{given.id}.{name}" for name in given.unknowns}
-    of = reduction.scales.of
-    values = {n: held[key] / of(given.unknowns[n].unit) for n, key in keys.items() if key in held}
-    return reaching(given, values)
 
 
 _Searched = tuple[Question, Found, "Display | None"]

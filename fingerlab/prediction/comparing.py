@@ -127,19 +127,16 @@ def _union(variants: Sequence[Variant], scales: Scales) -> list[Effect]:
 
     With ranges as wide as their values ask for: a search may have widened what nobody had measured.
     """
-    found: dict[str, tuple[Effect, list[Mapping[str, float]]]] = {}
+    found: dict[str, Effect] = {}
+    shapes: dict[str, list[Mapping[str, float]]] = {}
     for variant in variants:
         for chosen in variant.effects:
-            name = chosen.effect.id
-            known, shapes = found.get(name, (chosen.effect, []))
-            values = {
-                one: variant.values[f"{name}.{one}"] / scales.of(gain.unit)
-                for one, gain in known.unknowns.items()
-                if f"{name}.{one}" in variant.values
-            }
-            shape = chosen.shape_in(scales)
-            found[name] = reaching(known, values), [*shapes, *([] if shape in shapes else [shape])]
-    return [replace(one, shapes=tuple(shapes)) for one, shapes in found.values()]
+            name, shape = chosen.effect.id, chosen.shape_in(scales)
+            found[name] = reaching(found.get(name, chosen.effect), variant.values, scales)
+            of_effect = shapes.setdefault(name, [])
+            if shape not in of_effect:
+                of_effect.append(shape)
+    return [replace(one, shapes=tuple(shapes[name])) for name, one in found.items()]
 
 
 @dataclass

@@ -28,7 +28,7 @@ from fingerlab.diagnosis.gram.sums import Group, PairSums, feature_weights
 from fingerlab.diagnosis.settings import AT_BOUND, CLEARLY_SHOWN, MOST_PAIRED, MOST_WIDENED
 from fingerlab.diagnosis.signals.conditions import GroupKey
 from fingerlab.diagnosis.signals.filters import EFFECTIVE_SHARE
-from fingerlab.diagnosis.signals.scales import powers_of
+from fingerlab.diagnosis.signals.scales import Scales, powers_of
 from fingerlab.effects.base import ALONE, Effect
 from fingerlab.sessions.model import Array, BoolArray
 
@@ -57,7 +57,7 @@ def at_assumed_bounds(fitted: FittedModel, place: int = -1) -> list[str]:
     effect = fitted.choices[place].effect
     found = []
     for name in _of_assumed_ranges(effect):
-        index = fitted.model.index.get(name if name in effect.relaxes else f"{effect.id}.{name}")
+        index = fitted.model.index.get(_key_of(effect, name))
         gain = effect.unknowns[name]
         if index is not None and at_bound(float(fitted.fit.values[index]), gain.low, gain.high):
             found.append(name)
@@ -77,18 +77,22 @@ def _of_assumed_ranges(effect: Effect) -> list[str]:
     ]
 
 
-def reaching(effect: Effect, values: Mapping[str, float]) -> Effect:
+def _key_of(effect: Effect, name: str) -> str:
+    """The key of one of an effect's unknowns; a nuisance that it sets free keeps its own."""
+    return name if name in effect.relaxes else f"{effect.id}.{name}"
+
+
+def reaching(effect: Effect, values: Mapping[str, float], scales: Scales) -> Effect:
     """The effect with assumed ranges as wide as some values of its unknowns ask for, as a search makes them.
 
     Args:
-        values: in reduced units, by name; others may be among them.
+        values: SI, by key; others may be among them. scales: in whose units the ranges are.
     """
+    keys = {name: _key_of(effect, name) for name in _of_assumed_ranges(effect)}
+    reduced = {n: values[k] / scales.of(effect.unknowns[n].unit) for n, k in keys.items() if k in values}
     for _ in range(MOST_WIDENED):
-        names = [
-            name
-            for name in _of_assumed_ranges(effect)
-            if name in values and not effect.unknowns[name].low <= values[name] <= effect.unknowns[name].high
-        ]
+        known = effect.unknowns
+        names = [name for name, value in reduced.items() if not known[name].low <= value <= known[name].high]
         if not names:
             break
         effect = effect.wider(names)
